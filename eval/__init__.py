@@ -1,0 +1,1 @@
+"""Runs, their scores, and the command line."""

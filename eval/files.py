@@ -1,0 +1,98 @@
+"""Files that are whole or absent, and readers that say what is wrong in one line."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from slam.core import Array, InputError
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary path beside ``path`` that takes its place when the block ends well.
+
+    If the block fails, nothing remains of it; if the process is killed, at most a hidden temporary
+    file does. Raises InputError where the folder cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written: {error.strerror or error}")
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all."""
+    with whole_file(path) as part, part.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 file, whole or not at all."""
+    write_bytes(path, text.encode())
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file's content. Raises InputError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def read_text(path: Path) -> str:
+    """A text file's content. Raises InputError where it cannot be read."""
+    try:
+        return read_bytes(path).decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: text in UTF-8 was expected") from error
+
+
+def read_json(path: Path) -> Mapping[str, object]:
+    """A JSON file that holds an object. Raises InputError."""
+    try:
+        tree = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}: not JSON: {error.msg}") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: JSON is nested too deeply") from error
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: a JSON object was expected")
+    return tree
+
+
+def check(good: bool, path: Path, at: str, expected: str) -> None:
+    """Raise InputError that names the file, the field and what was expected."""
+    if not good:
+        raise InputError(f"{path}: {at}: {expected} was expected")
+
+
+def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
+    """Numbers as a float64 array of ``shape`` (-1: any length), all finite. Raises InputError."""
+    wanted = " x ".join("n" if size < 0 else str(size) for size in shape)
+    expected = f"{wanted} finite numbers" if shape else "a finite number"
+    try:
+        raw = np.array(value)
+        array = raw.astype(np.float64)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path}: {at}: {expected} expected") from error
+    good = raw.dtype.kind in "if" and raw.ndim == len(shape)
+    good = good and all(w in (-1, n) for w, n in zip(shape, raw.shape, strict=True))
+    if not good or not np.isfinite(array).all():
+        raise InputError(f"{path}: {at}: {expected} expected")
+    return array

@@ -1,0 +1,209 @@
+"""The files of a run folder: trajectories, map, graph and metrics, each whole or absent.
+
+Readers raise InputError that names the file, the place and what was expected.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from eval.files import check, finite, read_bytes, read_json, read_text, write_bytes, write_text
+from eval.graphfile import (
+    FloorNode,
+    GraphEdge,
+    KeyframeNode,
+    Node,
+    PieceEntry,
+    PlaneNode,
+    RoomNode,
+    SceneGraph,
+    WallNode,
+    graph_json,
+    read_graph,
+    write_graph,
+)
+from eval.metrics import SCHEMA, Metrics
+from eval.trajectory import Trajectory
+from slam.core import (
+    Array,
+    InputError,
+    IntArray,
+    pose,
+    quaternion_xyzw,
+    rotation_from_quaternion_xyzw,
+)
+
+__all__ = [
+    "FloorNode",
+    "GraphEdge",
+    "KeyframeNode",
+    "Node",
+    "PieceEntry",
+    "PlaneNode",
+    "RoomNode",
+    "SceneGraph",
+    "WallNode",
+    "graph_json",
+    "metrics_json",
+    "read_graph",
+    "read_metrics",
+    "read_ply",
+    "read_tum",
+    "write_graph",
+    "write_metrics",
+    "write_ply",
+    "write_tum",
+]
+
+# --- trajectories: "stamp x y z qx qy qz qw", one line per pose -----------------------------------
+
+
+def write_tum(trajectory: Trajectory, path: Path) -> None:
+    """Write a .tum file, six decimals."""
+    rows = (
+        (stamp, *T[:3, 3], *quaternion_xyzw(T[:3, :3]))
+        for stamp, T in zip(trajectory.stamps, trajectory.poses, strict=True)
+    )
+    lines = (" ".join(f"{round(value, 6) + 0.0:.6f}" for value in row) for row in rows)
+    write_text(path, "".join(line + "\n" for line in lines))
+
+
+def read_tum(path: Path) -> Trajectory:
+    """Read a .tum file; lines that start with # are comments. Stamps must ascend."""
+    lines = enumerate(read_text(path).splitlines(), start=1)
+    rows = [
+        _tum_row(text, path, number)
+        for number, text in lines
+        if text.strip() and not text.lstrip().startswith("#")
+    ]
+    table = np.array(rows).reshape(-1, 8)
+    check(bool((np.diff(table[:, 0]) > 0).all()), path, "stamps", "an ascending order")
+    poses = [pose(rotation_from_quaternion_xyzw(row[4:]), row[1:4]) for row in table]
+    return Trajectory(table[:, 0], np.array(poses).reshape(-1, 4, 4))
+
+
+def _tum_row(text: str, path: Path, number: int) -> Array:
+    try:
+        row = np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise InputError(f"{path}: line {number}: 8 numbers were expected") from error
+    row = finite(row, (8,), path, f"line {number}")
+    good = abs(float(np.linalg.norm(row[4:])) - 1.0) < 1e-2
+    check(good, path, f"line {number}", "a unit quaternion x y z w")
+    return row
+
+
+# --- the map: binary PLY, x y z plane_id ----------------------------------------------------------
+
+_VERTEX = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("plane_id", "<i4")])
+_HEADER = (
+    "ply\nformat binary_little_endian 1.0\ncomment roomloop map, map frame, metres\n"
+    "element vertex {count}\nproperty float x\nproperty float y\nproperty float z\n"
+    "property int plane_id\nend_header\n"
+)
+
+
+def write_ply(points: Array, plane_id: IntArray, path: Path) -> None:
+    """Write points (M, 3) and the planes (M,) they belong to."""
+    table = np.empty(len(points), dtype=_VERTEX)
+    for axis, name in enumerate("xyz"):
+        table[name] = points[:, axis]
+    table["plane_id"] = plane_id
+    write_bytes(path, _HEADER.format(count=len(points)).encode() + table.tobytes())
+
+
+def read_ply(path: Path) -> tuple[Array, IntArray]:
+    """Points (M, 3) float64 and plane ids (M,) of a map.ply as ``write_ply`` writes it."""
+    head, mark, body = read_bytes(path).partition(b"end_header\n")
+    words = [line.split() for line in head.decode("ascii", "replace").splitlines()]
+    check(bool(mark) and words[:1] == [["ply"]], path, "header", "a PLY file")
+    counts = [w[2] for w in words if w[:2] == ["element", "vertex"] and len(w) == 3]
+    check(len(counts) == 1 and counts[0].isdigit(), path, "header", "one element vertex COUNT")
+    count = int(counts[0])
+    expected = _HEADER.format(count=count).encode().splitlines()
+    wanted = [line.decode().split() for line in expected if not line.startswith(b"comment")]
+    found = [w for w in words if w and w[0] != "comment"]
+    good = found == wanted[:-1]
+    check(good, path, "header", "binary little-endian float x y z and int plane_id")
+    size = count * _VERTEX.itemsize
+    check(len(body) == size, path, "body", f"{size} bytes for {count} points")
+    table = np.frombuffer(body, dtype=_VERTEX)
+    points = np.column_stack([table[name] for name in "xyz"]).astype(np.float64)
+    check(bool(np.isfinite(points).all()), path, "body", "finite coordinates")
+    return points, table["plane_id"].astype(np.int64)
+
+
+# --- metrics.json ---------------------------------------------------------------------------------
+
+
+def metrics_json(metrics: Metrics) -> str:
+    """The file's text; what is not finite is null."""
+    return json.dumps(_plain(dataclasses.asdict(metrics)), indent=2, allow_nan=False) + "\n"
+
+
+def write_metrics(metrics: Metrics, path: Path) -> None:
+    """Write metrics.json, whole or not at all."""
+    write_text(path, metrics_json(metrics))
+
+
+def read_metrics(path: Path) -> Metrics:
+    """Read metrics.json. A key that lacks, is unknown, or has the wrong type: InputError."""
+    tree = read_json(path)
+    check(tree.get("schema") == SCHEMA, path, "schema", f'"{SCHEMA}"')
+    metrics = _build(Metrics, tree, path, "")
+    assert isinstance(metrics, Metrics)
+    return metrics
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _build(kind: type, tree: object, path: Path, at: str) -> object:
+    """A dataclass from a JSON object, by its fields' types."""
+    check(isinstance(tree, dict), path, at or "file", "an object")
+    assert isinstance(tree, dict)
+    hints = typing.get_type_hints(kind)
+    for key in hints.keys() ^ tree.keys():
+        state = "is missing" if key in hints else "is not known"
+        raise InputError(f"{path}: {at}{key}: this key {state} in {SCHEMA}")
+    values = {key: _value(hint, tree[key], path, at + key) for key, hint in hints.items()}
+    return kind(**values)
+
+
+def _value(hint: object, value: object, path: Path, at: str) -> object:
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return _build(hint, value, path, at + ".")
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    if value is None:
+        check(type(None) in options, path, at, "a value")
+        return None
+    if isinstance(value, bool):
+        raise InputError(f"{path}: {at}: true or false makes no sense here")
+    if float in options and isinstance(value, int | float):
+        return value
+    if int in options and isinstance(value, int):
+        return value
+    if str in options and isinstance(value, str):
+        return value
+    if at == "T_world_map":
+        return tuple(map(tuple, finite(value, (4, 4), path, at).tolist()))
+    if at == "versions" and isinstance(value, dict):
+        return value
+    raise InputError(f"{path}: {at}: {value!r} does not fit, expected {hint}")

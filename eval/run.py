@@ -1,0 +1,269 @@
+"""One run: a world is built, driven through, mapped, understood, and scored."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from eval.config import RunConfig
+from eval.detectors import make_detector, make_odometry
+from eval.folder import check_folder, claim_folder
+from eval.labels import TruthKeeper
+from eval.metrics import Metrics, RunFacts, Stages, StageTime, assemble
+from eval.outputs import write_graph, write_metrics, write_ply, write_tum
+from eval.picture import plan_png
+from eval.scenegraph import scene_graph
+from eval.score_map import SurfaceDistance
+from eval.scores import RunRecord, graph_truth, score_run
+from eval.sinks import Sink, make_sink
+from eval.trajectory import Trajectory
+from sim.drive import Drive
+from sim.route import Route, plan_route
+from sim.sensor import sensor_named
+from sim.truth import ScanTruth
+from slam.backend import BackEnd, BackEndConfig
+from slam.core import Detector, Frame, Proposals, RunError, Scan
+from slam.frontend import FrontEnd
+from worlds.catalogue import file_sha256, load_scene, scene_path
+from worlds.conditions import conditions_named
+from worlds.world import World, build_world
+
+Progress = Callable[[float, float], None]
+"""Told after each scan: simulated seconds so far, and how many the whole run will have."""
+
+SPEED = 0.6
+"""Of the base where nothing else is asked for [m/s]."""
+
+PACKAGES = ("roomloop", "mujoco", "kiss-icp", "open3d", "torch", "gtsam", "numpy")
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves: its scores, and the folder that holds its files."""
+
+    metrics: Metrics
+    folder: Path
+
+
+@dataclass
+class _Clock:
+    """Wall time by stage [s], one entry a call."""
+
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(self, stage: str, seconds: float) -> None:
+        self.seconds.setdefault(stage, []).append(seconds)
+
+    @contextmanager
+    def measure(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.add(stage, time.perf_counter() - started)
+
+    def stages(self) -> Stages:
+        return Stages(**{name: StageTime.of(seconds) for name, seconds in self.seconds.items()})
+
+
+@dataclass
+class _Parts:
+    """Everything that one run is wired from."""
+
+    world: World
+    route: Route
+    drive: Drive
+    frontend: FrontEnd
+    backend: BackEnd
+    detector: Detector
+    keeper: TruthKeeper
+    sink: Sink
+
+
+def run(
+    config: RunConfig,
+    progress: Progress | None = None,
+    truth_filter: Callable[[ScanTruth], ScanTruth] | None = None,
+) -> RunResult:
+    """Runs a configuration and writes its folder.
+
+    truth_filter replaces every scan's truth on its way to the scoring (for the test that nothing
+    else depends on it). Raises InputError before anything is written, and when what there was has
+    been scored and written: RunError if the run failed, KeyboardInterrupt if it was stopped.
+    """
+    check_folder(config.folder)
+    started = time.perf_counter()
+    parts = _wire(config)
+    folder = claim_folder(config)
+    clock = _Clock()
+    startup_s = time.perf_counter() - started
+    started = time.perf_counter()
+    failure: RunError | KeyboardInterrupt | None = None
+    parts.sink.started(config, parts.world.truth)
+    try:
+        _loop(parts, clock, progress, truth_filter or _as_it_is)
+    except (RunError, KeyboardInterrupt) as stopped:
+        failure = stopped
+    wall_s = time.perf_counter() - started
+    parts.sink.finished()
+    facts = replace(
+        _facts(config, failure), startup_s=startup_s, wall_s=wall_s, stages=clock.stages()
+    )
+    metrics = _finish(parts, facts, folder)
+    if failure is not None:
+        raise failure
+    return RunResult(metrics, folder)
+
+
+def _as_it_is(truth: ScanTruth) -> ScanTruth:
+    return truth
+
+
+def _wire(config: RunConfig) -> _Parts:
+    """Builds the world, plans the route and makes every part. Raises InputError."""
+    plan = load_scene(config.scene)
+    sensor = sensor_named(config.sensor)
+    conditions = conditions_named(config.conditions)
+    odometry = make_odometry(config.odometry)
+    world_seed, drive_seed = np.random.SeedSequence(config.seed).spawn(2)
+    storey = config.storey or 0
+    world = build_world(plan, world_seed, conditions, storey)
+    route = plan_route(world, storey, config.start)
+    keeper = TruthKeeper(world.truth)
+    speed = SPEED if config.speed is None else config.speed
+    return _Parts(
+        world=world,
+        route=route,
+        drive=Drive(world, sensor, route, speed, drive_seed, config.duration),
+        frontend=FrontEnd(odometry),
+        backend=BackEnd(BackEndConfig(layers=config.layers)),
+        detector=make_detector(config.detector, keeper),
+        keeper=keeper,
+        sink=make_sink(config, config.folder),
+    )
+
+
+def _loop(
+    parts: _Parts,
+    clock: _Clock,
+    progress: Progress | None,
+    truth_filter: Callable[[ScanTruth], ScanTruth],
+) -> None:
+    """One scan after the other on its way through the house."""
+    scans = iter(parts.drive)
+    while True:
+        with clock.measure("lidar"):
+            pair = next(scans, None)
+        if pair is None:
+            return
+        scan, truth = pair[0], truth_filter(pair[1])
+        frame = parts.frontend.process(scan)
+        for stage, seconds in parts.frontend.seconds.items():
+            clock.add(stage, seconds)
+        started = time.perf_counter()
+        changed = parts.backend.add(frame)
+        graph_s = time.perf_counter() - started
+        _keep_truth(parts.keeper, scan, truth, frame)
+        if changed:
+            proposals = _detect(parts, scan.stamp, clock)
+            started = time.perf_counter()
+            parts.backend.accept(proposals)
+            clock.add("graph", graph_s + time.perf_counter() - started)
+        parts.sink.frame(frame, scan, parts.backend.latest(), truth.T_world_base)
+        if progress is not None:
+            progress(scan.stamp, parts.drive.duration)
+
+
+def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
+    """Asks the detector, and has the truth's word on its answer stored."""
+    view = parts.backend.view()
+    started = time.perf_counter()
+    proposals = parts.detector.update(view)
+    latency = time.perf_counter() - started
+    clock.add("semantics", latency)
+    parts.keeper.snapshot(stamp, latency, view, proposals)
+    parts.sink.updated(view, proposals)
+    return proposals
+
+
+def _keep_truth(keeper: TruthKeeper, scan: Scan, truth: ScanTruth, frame: Frame) -> None:
+    """Of a keyframe, the truth of those returns that planes were built from."""
+    planes = () if frame.keyframe is None else frame.keyframe.planes
+    used = np.concatenate([np.empty(0, np.int64), *(plane.point_index for plane in planes)])
+    keeper.add_scan(scan, truth, frame.keyframe is not None, used)
+
+
+# --- afterwards ----------------------------------------------------------------------------------
+
+
+def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
+    """Last optimisation, last word of the detector, scores, files."""
+    backend = parts.backend
+    backend.optimise(extra_iterations=3)
+    proposals = parts.detector.update(backend.view())
+    record = RunRecord(
+        keeper=parts.keeper,
+        estimate=Trajectory(backend.stamps(), backend.trajectory()),
+        odometry=Trajectory(backend.stamps(), backend.odometry()),
+        online=Trajectory(backend.stamps(), backend.online()),
+        view=backend.dense_view(),
+        proposals=proposals,
+    )
+    mesh = parts.world.mesh
+    scores = score_run(record, SurfaceDistance(mesh.vertices, mesh.triangles, mesh.face))
+    metrics = assemble(replace(facts, simulated_s=float(backend.stamps()[-1])), scores)
+    write_tum(record.estimate, folder / "trajectory.tum")
+    write_tum(record.odometry, folder / "odometry.tum")
+    write_tum(scores.truth_trajectory, folder / "truth.tum")
+    write_ply(scores.cloud.points, scores.cloud.plane_id, folder / "map.ply")
+    labels = graph_truth(scores, parts.world.truth, record)
+    write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
+    plan_png(record, scores, folder / "plan.png")
+    write_metrics(metrics, folder / "metrics.json")
+    return metrics
+
+
+def _facts(config: RunConfig, failure: BaseException | None) -> RunFacts:
+    return RunFacts(
+        status=_status(failure),
+        error=str(failure) if isinstance(failure, RunError) else None,
+        scene=config.scene,
+        scene_sha256=file_sha256(scene_path(config.scene)),
+        seed=config.seed,
+        sensor=config.sensor,
+        conditions=config.conditions,
+        detector=config.detector,
+        layers=config.layers,
+        factors=config.factors,
+        odometry=config.odometry,
+        versions=_versions(),
+        peak_rss_mb=_peak_rss_mb(),
+    )
+
+
+def _status(failure: BaseException | None) -> str:
+    if failure is None:
+        return "complete"
+    return "failed" if isinstance(failure, RunError) else "cut_off"
+
+
+def _versions() -> Mapping[str, str]:
+    """What was installed, as far as it is known by name."""
+    found = {"python": ".".join(map(str, sys.version_info[:3]))}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _peak_rss_mb() -> float:
+    """Largest memory of the process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

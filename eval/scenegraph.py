@@ -1,0 +1,71 @@
+"""The layered graph of a run as it is written to graph.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+from eval.graphfile import (
+    FloorNode,
+    GraphEdge,
+    KeyframeNode,
+    Node,
+    PieceEntry,
+    PlaneNode,
+    RoomNode,
+    SceneGraph,
+    WallNode,
+)
+from slam.core import MapView, Proposals
+
+LETTERS = {"keyframe": "x", "plane": "p", "wall": "w", "room": "r", "floor": "f"}
+"""First letter of a node's id, by layer."""
+
+
+def node_id(layer: str, number: int) -> str:
+    """Id of a node in graph.json: p12."""
+    return f"{LETTERS[layer]}{number}"
+
+
+def scene_graph(
+    view: MapView, proposals: Proposals, truth: Mapping[tuple[str, int], str]
+) -> SceneGraph:
+    """Nodes and edges of all layers. truth: (layer, id) -> label."""
+    nodes: list[Node] = [
+        KeyframeNode(node_id("keyframe", k.id), k.T_map_base) for k in view.keyframes
+    ]
+    for plane in view.planes:
+        name = node_id("plane", plane.id)
+        nodes.append(PlaneNode(name, plane.normal, plane.d, plane.segment, plane.z_range))
+    for wall in proposals.walls:
+        planes = tuple(node_id("plane", piece.plane_id) for piece in wall.pieces)
+        nodes.append(WallNode(node_id("wall", wall.id), planes))
+    for room in proposals.rooms:
+        pieces = tuple(PieceEntry(node_id("plane", p.plane_id), p.segment) for p in room.pieces)
+        nodes.append(
+            RoomNode(node_id("room", room.id), pieces, room.polygon, room.centre, room.confidence)
+        )
+    floors = tuple(node_id("plane", p.id) for p in view.planes if p.normal[2] > 0.7)
+    nodes.append(FloorNode(node_id("floor", 0), floors))
+    labels = {node_id(layer, number): label for (layer, number), label in truth.items()}
+    return SceneGraph(tuple(nodes), tuple(_edges(view, proposals)), labels)
+
+
+def _edges(view: MapView, proposals: Proposals) -> list[GraphEdge]:
+    keyframes = [node_id("keyframe", k.id) for k in view.keyframes]
+    edges = [GraphEdge("odometry", a, b) for a, b in pairwise(keyframes)]
+    edges += [
+        GraphEdge("observes", node_id("keyframe", int(k)), node_id("plane", plane.id))
+        for plane in view.planes
+        for k in plane.keyframes
+    ]
+    for wall in proposals.walls:
+        edges += [
+            GraphEdge("wall", node_id("wall", wall.id), node_id("plane", piece.plane_id))
+            for piece in wall.pieces
+        ]
+    for room in proposals.rooms:
+        planes = dict.fromkeys(piece.plane_id for piece in room.pieces)
+        edges += [GraphEdge("room", node_id("room", room.id), node_id("plane", p)) for p in planes]
+        edges.append(GraphEdge("floor", node_id("floor", 0), node_id("room", room.id)))
+    return edges

@@ -1,0 +1,146 @@
+"""All scores of a run, from what was stored while it went on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eval.labels import TruthKeeper
+from eval.score_map import MapCloud, MapScore, SurfaceDistance, map_cloud, score_map
+from eval.score_planes import LabelledPlane, PlaneScore, score_planes
+from eval.score_rooms import RoomScore, score_rooms
+from eval.score_time import UNKNOWN_TIME, TimeScore, score_time
+from eval.score_walls import WallScore, score_walls
+from eval.trajectory import Trajectory, TrajectoryScore, ate_of_subset, score_trajectory
+from slam.core import Array, MapView, Proposals
+from worlds.truth import Truth
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What a run leaves to be scored; trajectories have one pose per scan, map frame.
+
+    estimate: after the last optimisation; odometry: the odometry alone; online: each pose as it was
+    first given, None where a run keeps none; view, proposals: the final map and the detector's last
+    word on it (ask it once more after the last optimisation, so that the two fit).
+    """
+
+    keeper: TruthKeeper
+    estimate: Trajectory
+    odometry: Trajectory
+    online: Trajectory | None
+    view: MapView
+    proposals: Proposals
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Everything that is scored; what needs T_world_map is None inside where there is none.
+
+    Each trajectory is aligned by itself; ate_keyframes, and all scores of the map and of rooms, use
+    the alignment of the final estimate.
+    """
+
+    truth_trajectory: Trajectory
+    estimate: TrajectoryScore
+    odometry: TrajectoryScore
+    online: TrajectoryScore | None
+    ate_keyframes: float | None
+    path_m: float
+    cloud: MapCloud
+    planes: PlaneScore
+    map: MapScore
+    rooms: RoomScore
+    walls: WallScore
+    time: TimeScore
+
+    @property
+    def T_world_map(self) -> Array | None:
+        """The one alignment that serves all scores."""
+        return self.estimate.T_truth_estimate
+
+
+def score_run(record: RunRecord, surface: SurfaceDistance) -> Scores:
+    """Score a run; surface: the distance to the world's mesh."""
+    keeper, truth = record.keeper, record.keeper.truth
+    true_path = keeper.trajectory
+    estimate = score_trajectory(record.estimate, true_path)
+    T_world_map = estimate.T_truth_estimate
+    cloud = map_cloud(record.view.planes)
+    planes = score_planes(labelled_planes(record), truth, keeper.seen, T_world_map)
+    rooms, walls, time = _score_concepts(record, planes, T_world_map)
+    return Scores(
+        truth_trajectory=true_path,
+        estimate=estimate,
+        odometry=score_trajectory(record.odometry, true_path),
+        online=None if record.online is None else score_trajectory(record.online, true_path),
+        ate_keyframes=ate_of_subset(
+            T_world_map, record.estimate, true_path, np.array(keeper.keyframe_scans, np.int64)
+        ),
+        path_m=true_path.path_m,
+        cloud=cloud,
+        planes=planes,
+        map=score_map(
+            cloud,
+            keeper.faces_of(cloud.point_ids),
+            keeper.true_points(cloud.point_ids),
+            surface,
+            T_world_map,
+        ),
+        rooms=rooms,
+        walls=walls,
+        time=time,
+    )
+
+
+def labelled_planes(record: RunRecord) -> list[LabelledPlane]:
+    """The final planes with the truth of their points."""
+    keeper = record.keeper
+    return [
+        LabelledPlane(
+            plane=plane,
+            faces=keeper.faces_of(plane.point_ids),
+            along=keeper.along_of(plane.point_ids),
+            points_world=keeper.true_points(plane.point_ids),
+        )
+        for plane in record.view.planes
+    ]
+
+
+def _score_concepts(
+    record: RunRecord, planes: PlaneScore, T_world_map: Array | None
+) -> tuple[RoomScore, WallScore, TimeScore]:
+    keeper, truth = record.keeper, record.keeper.truth
+    room_votes, wall_votes = keeper.votes(record.view, record.proposals)
+    walls = score_walls(wall_votes, truth, keeper.seen)
+    entered = keeper.visits.entered
+    if T_world_map is None:
+        return RoomScore(len(truth.rooms), len(entered)), walls, UNKNOWN_TIME
+    rooms = score_rooms(
+        votes=room_votes,
+        polygons={r.id: r.polygon for r in record.proposals.rooms if r.polygon is not None},
+        truth=truth,
+        T_world_map=T_world_map,
+        entered=entered.keys(),
+        mapped_faces=planes.mapped_faces,
+        storeys=keeper.visits.storeys,
+    )
+    time = score_time(keeper.instants, truth, T_world_map, entered, keeper.start)
+    return rooms, walls, time
+
+
+def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:
+    """True labels of planes, rooms and walls for graph.json: (layer, id) -> label.
+
+    "surface 3" | "floor" | "ceiling" | "none" | "mixed" for planes; a room's name or "false"; "wall
+    2" or "false".
+    """
+    labels = {("plane", vote.plane_id): vote.label for vote in scores.planes.votes}
+    for room in record.proposals.rooms if scores.T_world_map is not None else ():
+        found = scores.rooms.matches.get(room.id)
+        labels["room", room.id] = "false" if found is None else truth.rooms[found].name
+    for wall in record.proposals.walls:
+        match = scores.walls.matches.get(wall.id)
+        labels["wall", wall.id] = "false" if match is None else f"wall {match}"
+    return labels

@@ -1,0 +1,195 @@
+"""What a person sees in the terminal: progress, warnings, tables. Only the command line uses it."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from eval.metrics import Metrics, StageTime
+    from worlds.catalogue import SceneCounts
+
+OUR_PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
+PLAIN_STEPS = 10
+
+
+class RunProgress:
+    """Simulated and wall time of a run on standard error: a bar, or lines where no terminal is.
+
+    Call it with (simulated seconds, of how many); use it as a context manager.
+    """
+
+    def __init__(self, title: str, console: Console | None = None, unit: str = "s simulated"):
+        self._console = console or Console(stderr=True)
+        self._title, self._unit = title, unit
+        self._start = time.perf_counter()
+        self._told = 0
+        self._bar: Progress | None = None
+
+    def __enter__(self) -> RunProgress:
+        if self._console.is_terminal:
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[say]}"),
+            )
+            self._bar = Progress(*columns, console=self._console, transient=True)
+            self._task = self._bar.add_task(self._title, total=None, say="getting ready")
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, done: float, total: float) -> None:
+        """done, total: e.g. simulated seconds."""
+        total = max(total, done)
+        wall = time.perf_counter() - self._start
+        say = f"{done:.1f} of {total:.1f} {self._unit}, {wall:.0f} s wall"
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total, say=say)
+            return
+        step = int(PLAIN_STEPS * done / total) if total > 0.0 else 0
+        if step > self._told:
+            self._told = step
+            self._say(f"{self._title}: {say}")
+
+    def _say(self, line: str) -> None:
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+class _WarningLines(logging.Handler):
+    """One line a warning, written so that a progress bar is not torn."""
+
+    def __init__(self, console: Console):
+        super().__init__(logging.WARNING)
+        self._console = console
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = f"roomloop: {record.levelname.lower()}: {record.getMessage()}"
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def our_warnings_only(console: Console) -> None:
+    """Shows what our packages warn of through logging, and keeps libraries quiet."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    logging.getLogger().setLevel(logging.ERROR)
+    for name in OUR_PACKAGES:
+        logger = logging.getLogger(name)
+        logger.setLevel(logging.WARNING)
+        logger.handlers = [_WarningLines(console)]
+        logger.propagate = False
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def counts_table(scenes: Sequence[SceneCounts]) -> Table:
+    """The catalogue: what each scene holds."""
+    table = Table("scene", "rooms", "of which", box=SIMPLE_HEAD)
+    for column in ("doors", "storeys", "extent m", "area m2"):
+        table.add_column(column, justify="right")
+    for scene in scenes:
+        table.add_row(
+            scene.name,
+            str(scene.room_total),
+            ", ".join(f"{count} {shape}" for shape, count in scene.rooms),
+            str(scene.doors),
+            str(scene.storeys),
+            "{:.1f} x {:.1f}".format(*scene.size),
+            f"{scene.area:.1f}",
+        )
+    return table
+
+
+def summary_table(metrics: Metrics) -> Table:
+    """What a run scored, in five lines."""
+    m = metrics
+    table = Table(
+        title=f"{m.scene}, {m.detector}, seed {m.seed}: {m.status}",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+    )
+    for column in ("", "precision", "recall", "beside them"):
+        table.add_column(column, justify="right" if column in ("precision", "recall") else "left")
+    rooms, walls = m.rooms, m.walls
+    table.add_row(
+        "rooms",
+        _number(rooms.precision, "{:.2f}"),
+        _number(rooms.recall, "{:.2f}"),
+        f"{_number(rooms.true_positive, '{:g}')} right of {_number(rooms.detected, '{:g}')} found, "
+        f"{_number(rooms.entered)} of {_number(rooms.truth)} entered, "
+        f"IoU {_number(rooms.mean_iou, '{:.2f}')}",
+    )
+    table.add_row(
+        "walls",
+        _number(walls.precision, "{:.2f}"),
+        _number(walls.recall, "{:.2f}"),
+        f"{_number(walls.true_positive)} right of {_number(walls.detected)} found, "
+        f"{_number(walls.truth)} count",
+    )
+    table.add_section()
+    table.add_row(
+        "trajectory", "", "", f"ATE {_cm(m.ate_m)}, odometry alone {_cm(m.ate_odometry_m)}"
+    )
+    mma = f"MMA {_cm(m.mma_m)} (sensor alone {_cm(m.mma_floor_m)}), planes {_cm(m.plane_rmse_m)}"
+    table.add_row("map", "", "", mma)
+    first, latency = _number(m.first_room_s, "{:.1f} s"), m.room_latency_s
+    table.add_row(
+        "first room", "", "", f"{first}, each: median {_number(latency.median, '{:.1f} s')}"
+    )
+    return table
+
+
+def stages_table(metrics: Metrics) -> Table:
+    """Where the time went."""
+    factor = _number(metrics.real_time_factor, "{:.1f}")
+    title = (
+        f"{_number(metrics.simulated_s, '{:.1f}')} s simulated in "
+        f"{_number(metrics.wall_s, '{:.1f}')} s: {factor} times real time"
+    )
+    table = Table("stage", title=title, title_justify="left", box=SIMPLE_HEAD)
+    for column in ("median ms", "p95 ms", "total s"):
+        table.add_column(column, justify="right")
+    for item in fields(metrics.stages):
+        stage: StageTime = getattr(metrics.stages, item.name)
+        times = (stage.median_ms, stage.p95_ms, stage.total_s)
+        table.add_row(item.name, *(_number(value, "{:.1f}") for value in times))
+    return table
+
+
+def show_result(console: Console, metrics: Metrics, folder: Path) -> None:
+    """The tables of a finished run, and where its files are."""
+    console.print(summary_table(metrics))
+    console.print(stages_table(metrics))
+    console.print(f"files: {folder}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _number(value: float | str | None, form: str = "{}") -> str:
+    """A value for people; whole numbers stay whole, what does not apply is a dash."""
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int | str) else form.format(value)
+
+
+def _cm(metres: float | None) -> str:
+    return "-" if metres is None else f"{100.0 * metres:.1f} cm"

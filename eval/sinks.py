@@ -1,0 +1,88 @@
+"""Who watches a run: nobody, a recording, or several. A sink is told; it never answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from eval.recording import RecordingSink
+from slam.core import Array, Frame, MapView, Proposals, Scan
+from worlds.truth import Truth
+
+if TYPE_CHECKING:
+    from eval.config import RunConfig
+
+
+class Sink(Protocol):
+    """Told about each step of a run, in this order; ``finished`` comes last, errors or not."""
+
+    def started(self, config: RunConfig, truth: Truth | None) -> None:
+        """The run begins. truth: None where there is none (a recording of a real robot)."""
+        ...
+
+    def frame(
+        self, frame: Frame, scan: Scan, T_map_base: Array, T_world_base: Array | None = None
+    ) -> None:
+        """One scan went through; poses (4, 4) at its end: as estimated online, and the true one."""
+        ...
+
+    def updated(self, view: MapView, proposals: Proposals) -> None:
+        """A keyframe went through: the map after its optimisation, and what the detector says."""
+        ...
+
+    def finished(self) -> None:
+        """The run is over; files are completed here."""
+        ...
+
+
+class NullSink:
+    """Watches nothing."""
+
+    def started(self, config: RunConfig, truth: Truth | None) -> None:
+        """Ignored."""
+
+    def frame(
+        self, frame: Frame, scan: Scan, T_map_base: Array, T_world_base: Array | None = None
+    ) -> None:
+        """Ignored."""
+
+    def updated(self, view: MapView, proposals: Proposals) -> None:
+        """Ignored."""
+
+    def finished(self) -> None:
+        """Ignored."""
+
+
+class Sinks:
+    """Tells several sinks, in their order."""
+
+    def __init__(self, sinks: Iterable[Sink]):
+        self._sinks = tuple(sinks)
+
+    def started(self, config: RunConfig, truth: Truth | None) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.started(config, truth)
+
+    def frame(
+        self, frame: Frame, scan: Scan, T_map_base: Array, T_world_base: Array | None = None
+    ) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.frame(frame, scan, T_map_base, T_world_base)
+
+    def updated(self, view: MapView, proposals: Proposals) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.updated(view, proposals)
+
+    def finished(self) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.finished()
+
+
+def make_sink(config: RunConfig, folder: Path) -> Sink:
+    """What the configuration asks for, writing to the run's folder."""
+    return RecordingSink(folder / "recording.rrd") if config.save else NullSink()

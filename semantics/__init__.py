@@ -1,0 +1,1 @@
+"""Learned rooms and walls: proximity graph, networks, clustering, training."""

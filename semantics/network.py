@@ -1,0 +1,223 @@
+"""The networks that tell which plane pieces share a room and which are the two faces of a wall.
+
+Encoder and decoder as the paper has them (III-B, equations 1 to 3), in plain torch: graphs of a few
+hundred nodes need no more. N nodes, E directed edges (both directions of every pair, see
+``semantics.proximity``), C channels, H heads.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from semantics.proximity import ProximityGraph
+from slam.core import Array, InputError
+
+FORMAT = "roomloop-weights-1"
+SLOPE = 0.2
+"""Of the leaky rectifier in the attention (as in the original GAT)."""
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """relation: same_room | same_wall; features: name of the feature set; sizes of the layers."""
+
+    relation: str
+    features: str
+    node_size: int
+    edge_size: int
+    channels: int = 32
+    heads: int = 4
+    hops: int = 2
+    hidden: int = 64
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What is stored beside the weights: enough to make the network again, and where it is from.
+
+    temperature: logits are divided by it, so that probabilities mean what they say; facts: seed,
+    epochs, scores.
+    """
+
+    network: NetworkConfig
+    temperature: float = 1.0
+    facts: dict[str, float | str] = field(default_factory=dict)
+
+
+class Hop(nn.Module):
+    """One step of message passing: equations 1 and 2."""
+
+    def __init__(self, node_size: int, edge_size: int, channels: int, heads: int):
+        super().__init__()
+        triple = 2 * node_size + edge_size
+        self.heads = heads
+        self.attend = nn.Linear(triple, channels)
+        self.score = nn.Parameter(torch.empty(heads, channels // heads))
+        self.message = nn.Linear(node_size + edge_size, channels)
+        self.node = nn.Linear(node_size + channels, channels)
+        self.edge = nn.Linear(triple, channels)
+        nn.init.xavier_uniform_(self.score)
+
+    def forward(
+        self, v: Tensor, e: Tensor, source: Tensor, target: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """v: (N, node_size), e: (E, edge_size) -> (N, C), (E, C)."""
+        count, edges = len(v), len(e)
+        triple = torch.cat([v[source], e, v[target]], dim=1)  # (E, 2 * node_size + edge_size)
+        seen = nn.functional.leaky_relu(self.attend(triple), SLOPE)  # (E, C)
+        seen = seen.view(edges, self.heads, -1)  # (E, H, C / H)
+        weight = _softmax((seen * self.score).sum(dim=2), source, count)  # (E, H)
+        message = self.message(torch.cat([e, v[target]], dim=1))  # (E, C)
+        message = (message.view(edges, self.heads, -1) * weight[:, :, None]).flatten(1)  # (E, C)
+        most = _max_by(message, source, count)  # (N, C), the paper's max over the neighbours
+        v_next = torch.relu(self.node(torch.cat([v, most], dim=1)))  # (N, C)
+        e_next = torch.relu(self.edge(triple))  # (E, C)
+        return v_next, e_next
+
+
+class Standardise(nn.Module):
+    """Features less their mean over the training set, in units of their deviation there."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, size: int):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("std", torch.ones(size))
+
+    def fit(self, features: Tensor) -> None:
+        """features: (S, size) of the training set."""
+        self.mean.copy_(features.mean(dim=0))
+        self.std.copy_(features.std(dim=0).clamp_min(1e-3))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(S, size) -> (S, size)"""
+        return (features - self.mean) / self.std
+
+
+class EdgeClassifier(nn.Module):
+    """One logit per undirected pair: the mean of what is said of it in both directions."""
+
+    def __init__(self, config: NetworkConfig):
+        super().__init__()
+        self.config = config
+        c = config.channels
+        sizes = [(config.node_size, config.edge_size)] + [(c, c)] * (config.hops - 1)
+        self.hops = nn.ModuleList(Hop(v, e, c, config.heads) for v, e in sizes)
+        self.decoder = nn.Sequential(
+            nn.Linear(3 * c, config.hidden),
+            nn.ReLU(),
+            nn.Linear(config.hidden, config.hidden // 2),
+            nn.ReLU(),
+            nn.Linear(config.hidden // 2, 1),
+        )
+        self.node_scale = Standardise(config.node_size)
+        self.edge_scale = Standardise(config.edge_size)
+        self.apply(_xavier)
+
+    def forward(self, node: Tensor, edge: Tensor, source: Tensor, target: Tensor) -> Tensor:
+        """node: (N, node_size), edge: (E, edge_size) -> (E / 2,) logits, of ``pairs``."""
+        v, e = self.node_scale(node), self.edge_scale(edge)
+        for hop in self.hops:
+            v, e = hop(v, e, source, target)  # (N, C), (E, C)
+        logit = self.decoder(torch.cat([v[source], e, v[target]], dim=1))[:, 0]  # (E,)
+        half = len(logit) // 2
+        return 0.5 * (logit[:half] + logit[half:])  # (E / 2,)
+
+
+def _xavier(module: nn.Module) -> None:
+    if isinstance(module, nn.Linear):
+        nn.init.xavier_uniform_(module.weight)
+        nn.init.zeros_(module.bias)
+
+
+def _softmax(score: Tensor, group: Tensor, count: int) -> Tensor:
+    """Softmax of (E, H) over the edges of each group."""
+    top = _max_by(score.detach(), group, count)
+    exp = torch.exp(score - top[group])
+    total = torch.zeros(count, score.shape[1]).index_add(0, group, exp)
+    return exp / total[group]
+
+
+def _max_by(values: Tensor, group: Tensor, count: int) -> Tensor:
+    """(N, C) largest value over the edges of each group; 0 for a group without edges."""
+    index = group[:, None].expand_as(values)
+    start = torch.zeros(count, values.shape[1])
+    return start.scatter_reduce(0, index, values, "amax", include_self=False)
+
+
+# --- on graphs -----------------------------------------------------------------------------------
+
+
+def tensors(graph: ProximityGraph) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """node, edge, source, target as the network takes them."""
+    return (
+        torch.from_numpy(graph.node).float(),
+        torch.from_numpy(graph.edge).float(),
+        torch.from_numpy(graph.source),
+        torch.from_numpy(graph.target),
+    )
+
+
+def probabilities(model: EdgeClassifier, temperature: float, graph: ProximityGraph) -> Array:
+    """(E / 2,) calibrated probability of the relation for each of ``graph.pairs``."""
+    if len(graph.source) == 0:
+        return np.zeros(0)
+    with torch.inference_mode():
+        logits = model(*tensors(graph)) / temperature
+        return torch.sigmoid(logits).double().numpy()
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+def save(path: Path, model: EdgeClassifier, checkpoint: Checkpoint) -> None:
+    """Weights and their description as .npz: arrays and a JSON text, nothing that is executed."""
+    arrays = {name: value.numpy() for name, value in model.state_dict().items()}
+    header = {"format": FORMAT, **asdict(checkpoint)}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays, header=np.array(json.dumps(header)))
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(buffer.getvalue())
+    part.replace(path)
+
+
+def load(path: Path) -> tuple[EdgeClassifier, Checkpoint]:
+    """A network and its description. Raises InputError for whatever ``save`` did not write."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such weights; `roomloop train` makes them") from error
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a weights file of ours, or cut off") from error
+    checkpoint = _checkpoint(path, arrays.pop("header", None))
+    model = EdgeClassifier(checkpoint.network)
+    try:
+        model.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
+    except (RuntimeError, TypeError) as error:
+        raise InputError(f"{path}: weights that do not fit their description") from error
+    if not all(torch.isfinite(value).all() for value in model.state_dict().values()):
+        raise InputError(f"{path}: weights that are not numbers")
+    return model.eval(), checkpoint
+
+
+def _checkpoint(path: Path, header: Array | None) -> Checkpoint:
+    try:
+        tree = json.loads(str(header))
+        if tree.pop("format") != FORMAT:
+            raise KeyError("format")
+        return Checkpoint(
+            NetworkConfig(**tree["network"]), float(tree["temperature"]), dict(tree["facts"])
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: header: expected the description of {FORMAT!r}") from error

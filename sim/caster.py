@@ -1,0 +1,95 @@
+"""Rays against a world's mesh, each with an origin of its own.
+
+Embree (through Open3D) and not ``mj_multiRay`` for what stands still: a sweep takes it 2-5 ms in
+any building, where MuJoCo takes 7-20 ms, growing with the number of geoms, from one origin a call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.core import Array
+
+if TYPE_CHECKING:
+    from worlds.world import Mesh
+
+THREADS = 2
+"""Threads of one cast, said outright: the default takes every core of a shared machine."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What N rays hit. distance: (N,) [m], inf where nothing; cosine: (N,) of the incidence, in
+    [0, 1]; triangle, face, geom: (N,) int32, meaningless where nothing was hit."""
+
+    distance: Array
+    cosine: Array
+    triangle: NDArray[np.int32]
+    face: NDArray[np.int32]
+    geom: NDArray[np.int32]
+
+
+class RayCaster:
+    """Casts rays on the triangles of ``mesh``.
+
+    geom_ids: (G,) what to report for each of ``mesh.geom_names`` (MuJoCo's ids in the model that
+    moves); their places in that tuple when left out.
+    """
+
+    def __init__(
+        self, mesh: Mesh, geom_ids: NDArray[np.int32] | None = None, threads: int = THREADS
+    ) -> None:
+        import open3d as o3d
+
+        self._tensor = o3d.core.Tensor.from_numpy
+        self._threads = threads
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
+        self._scene.add_triangles(
+            self._tensor(np.ascontiguousarray(mesh.vertices, dtype=np.float32)),
+            self._tensor(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
+        )
+        self._normals, self._d = _planes(mesh)
+        self._face = np.asarray(mesh.face, dtype=np.int32)
+        names = np.asarray(mesh.geom_name, dtype=np.int64)
+        ids = np.arange(len(mesh.geom_names)) if geom_ids is None else geom_ids
+        self._geom = np.asarray(ids, dtype=np.int32)[names]
+
+    def cast(self, origins: Array, directions: Array) -> Hits:
+        """First hits of rays from origins (N, 3) along unit directions (N, 3), world frame."""
+        rays = np.empty((len(origins), 6), dtype=np.float32)
+        rays[:, :3] = origins
+        rays[:, 3:] = directions
+        answer = self._scene.cast_rays(self._tensor(rays), nthreads=self._threads)
+        coarse = answer["t_hit"].numpy()
+        missed = ~np.isfinite(coarse)
+        triangle = answer["primitive_ids"].numpy().astype(np.int32)
+        triangle[missed] = 0
+        distance, cosine = self._refine(origins, directions, triangle, coarse)
+        distance[missed] = np.inf
+        return Hits(distance, cosine, triangle, self._face[triangle], self._geom[triangle])
+
+    def _refine(
+        self, origins: Array, directions: Array, triangle: NDArray[np.int32], coarse: Array
+    ) -> tuple[Array, Array]:
+        """Distances in double precision: Embree computes in single, which costs up to a
+        millimetre far from the origin or at grazing incidence. It says which triangle; its plane
+        gives the distance."""
+        normal = self._normals[triangle]
+        along = np.einsum("ij,ij->i", normal, directions)
+        height = np.einsum("ij,ij->i", normal, origins) + self._d[triangle]
+        cosine = np.abs(along)
+        edge_on = cosine < 1e-4
+        distance = -height / np.where(edge_on, 1.0, along)
+        return np.where(edge_on, coarse, distance), cosine
+
+
+def _planes(mesh: Mesh) -> tuple[Array, Array]:
+    """Unit normals (T, 3) and d (T,) of the triangles."""
+    a, b, c = (np.asarray(mesh.vertices, dtype=np.float64)[mesh.triangles[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return normals, -np.einsum("ij,ij->i", normals, a)

@@ -1,0 +1,1 @@
+"""Odometry, planes, plane map and layered factor graph. Knows nothing of the simulator."""

@@ -1,0 +1,403 @@
+"""The words every package shares: errors, rigid motions, planes, scans, and what is mapped.
+
+A leaf: it imports numpy only, so every package may import it. Metres, radians, seconds, z up,
+right-handed. ``T_a_b`` is a (4, 4) float64 matrix that maps coordinates in frame b to frame a.
+Frames: ``world`` (the simulator's truth), ``map`` (estimates), ``odom``, ``base``, ``lidar``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class RoomloopError(Exception):
+    """Anything that roomloop reports to its user in one line. ``exit_status`` is the command's."""
+
+    exit_status = 3
+
+
+class InputError(RoomloopError):
+    """A file, a value or an option that cannot be used: names it and says what was expected."""
+
+    exit_status = 2
+
+
+class RunError(RoomloopError):
+    """A run that could not go on: a collision, a diverged odometry, a failed optimisation."""
+
+    exit_status = 3
+
+
+# --- rigid motions -------------------------------------------------------------------------------
+
+
+def transform_points(T_a_b: Array, points_b: Array) -> Array:
+    """Points (N, 3) in frame b, expressed in frame a."""
+    return points_b @ T_a_b[:3, :3].T + T_a_b[:3, 3]
+
+
+def inverse(T_a_b: Array) -> Array:
+    """T_b_a of a rigid motion T_a_b."""
+    T_b_a = np.eye(4)
+    T_b_a[:3, :3] = T_a_b[:3, :3].T
+    T_b_a[:3, 3] = -T_a_b[:3, :3].T @ T_a_b[:3, 3]
+    return T_b_a
+
+
+def pose(rotation: Array, translation: Array) -> Array:
+    """(4, 4) rigid motion from a (3, 3) rotation and a (3,) translation."""
+    T = np.eye(4)
+    T[:3, :3] = rotation
+    T[:3, 3] = translation
+    return T
+
+
+def orthonormal(T_a_b: Array) -> Array:
+    """The rigid motion nearest to a (4, 4) matrix whose rotation has lost its digits."""
+    u, _, v = np.linalg.svd(T_a_b[:3, :3])
+    return pose(u @ v, T_a_b[:3, 3])
+
+
+def skew(v: Array) -> Array:
+    """(..., 3, 3) matrices with skew(v) @ u = v x u."""
+    v = np.asarray(v, dtype=np.float64)
+    zero = np.zeros(v.shape[:-1])
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    return np.stack(
+        [
+            np.stack([zero, -z, y], axis=-1),
+            np.stack([z, zero, -x], axis=-1),
+            np.stack([-y, x, zero], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def so3_exp(rotation_vectors: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad] (Rodrigues)."""
+    w = np.asarray(rotation_vectors, dtype=np.float64)
+    angle2 = np.einsum("...i,...i->...", w, w)[..., None, None]
+    angle = np.sqrt(angle2)
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    K = skew(w)
+    return np.eye(3) + a * K + b * (K @ K)
+
+
+def so3_log(rotation: Array) -> Array:
+    """Rotation vector (3,) [rad] of a rotation matrix, angle in [0, pi]."""
+    return quaternion_log(quaternion_xyzw(rotation))
+
+
+def quaternion_log(q_xyzw: Array) -> Array:
+    """Rotation vector (3,) [rad] of a unit quaternion."""
+    q = q_xyzw if q_xyzw[3] >= 0.0 else -q_xyzw
+    sine = float(np.linalg.norm(q[:3]))
+    if sine < 1e-12:
+        return 2.0 * q[:3]
+    return q[:3] * (2.0 * np.arctan2(sine, q[3]) / sine)
+
+
+def quaternion_xyzw(rotation: Array) -> Array:
+    """Unit quaternion (4,) in x, y, z, w order of a rotation matrix (Shepperd's method)."""
+    m = np.asarray(rotation)
+    candidates = np.array([m[0, 0], m[1, 1], m[2, 2], np.trace(m)])
+    i = int(np.argmax(candidates))
+    q = np.empty(4)
+    if i == 3:
+        q[:] = [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + candidates[3]]
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[i] = 1.0 - candidates[3] + 2.0 * m[i, i]
+        q[j] = m[j, i] + m[i, j]
+        q[k] = m[k, i] + m[i, k]
+        q[3] = m[k, j] - m[j, k]
+    q /= np.linalg.norm(q)
+    return q if q[3] >= 0.0 else -q
+
+
+def rotation_from_quaternion_xyzw(q_xyzw: Array) -> Array:
+    """(3, 3) rotation of a quaternion in x, y, z, w order (normalised here)."""
+    x, y, z, w = np.asarray(q_xyzw, dtype=np.float64) / np.linalg.norm(q_xyzw)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def yaw_of(T_a_b: Array) -> float:
+    """Heading [rad] of b's x axis in frame a."""
+    return float(np.arctan2(T_a_b[1, 0], T_a_b[0, 0]))
+
+
+def interpolate(T_a_start: Array, T_a_end: Array, fractions: Array) -> tuple[Array, Array]:
+    """Rotations (N, 3, 3) and translations (N, 3) at ``fractions`` (N,) of the way start -> end.
+
+    Constant angular velocity about a fixed axis and constant linear velocity: what a base does
+    within a tenth of a second. Fractions outside [0, 1] extrapolate.
+    """
+    delta = T_a_start[:3, :3].T @ T_a_end[:3, :3]
+    steps = so3_exp(np.asarray(fractions)[:, None] * so3_log(delta))
+    rotations = T_a_start[:3, :3] @ steps
+    translations = T_a_start[:3, 3] + np.asarray(fractions)[:, None] * (
+        T_a_end[:3, 3] - T_a_start[:3, 3]
+    )
+    return rotations, translations
+
+
+# --- planes --------------------------------------------------------------------------------------
+
+
+def transform_plane(T_a_b: Array, normal_b: Array, d_b: float) -> tuple[Array, float]:
+    """Plane n.x + d = 0 of frame b, expressed in frame a."""
+    normal_a = T_a_b[:3, :3] @ normal_b
+    return normal_a, float(d_b - normal_a @ T_a_b[:3, 3])
+
+
+def plane_axes(normal: Array) -> tuple[Array, Array]:
+    """Two unit tangents of a plane: ``first``, and ``normal x first``.
+
+    For a wall the first one is level, to the right of who looks at it from the normal's side; for
+    a floor or ceiling it is the x axis, brought into the plane.
+    """
+    if abs(normal[2]) > 0.7:
+        first = np.array([1.0, 0.0, 0.0]) - normal[0] * np.asarray(normal)
+    else:
+        first = np.array([-normal[1], normal[0], 0.0])
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+# --- what a sensor gives -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One sweep as a sensor delivers it: raw, not deskewed, without any truth.
+
+    points: (N, 3) float64, lidar frame at each point's own instant [m]; times: (N,) float64,
+    seconds before the sweep's end (<= 0); ring: (N,) int, beam counted from the lowest;
+    intensity: (N,) float64 in [0, 1]; stamp: the sweep's END [s].
+    """
+
+    index: int
+    stamp: float
+    points: Array
+    times: Array
+    ring: NDArray[np.int16]
+    intensity: Array
+    T_base_lidar: Array = field(default_factory=lambda: np.eye(4))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+# --- what the front end makes of it --------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PlaneObservation:
+    """A plane seen from one keyframe, base frame at the sweep's end, normal towards the sensor.
+
+    covariance: (3, 3) of how the true plane (n, d) lies to this one: n along both ``plane_axes``
+    [rad], and n.centroid + d [m]; points: (M, 3) base frame, a thinned sample of the returns it was
+    fitted to; point_index: (M,) their places in the scan.
+    """
+
+    normal: Array
+    d: float
+    centroid: Array
+    covariance: Array
+    points: Array
+    point_index: IntArray
+
+
+@dataclass(frozen=True)
+class KeyframeScan:
+    """What is kept of a keyframe's sweep: its plane observations and its deskewed returns.
+
+    points: (M, 3) base frame at the sweep's end, thinned; origin: (3,) the lidar in that frame
+    (the baselines need free space).
+    """
+
+    planes: tuple[PlaneObservation, ...]
+    points: Array
+    origin: Array
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The front end's word on one scan; ``keyframe`` is None for most.
+
+    T_odom_base: by the odometry alone; T_track_base: refined against the planes seen lately.
+    """
+
+    index: int
+    stamp: float
+    T_odom_base: Array
+    T_track_base: Array
+    keyframe: KeyframeScan | None
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A keyframe with its pose as estimated now."""
+
+    id: int
+    scan_index: int
+    stamp: float
+    T_map_base: Array
+    scan: KeyframeScan
+
+
+# --- the map -------------------------------------------------------------------------------------
+
+POINT_ID_STRIDE = 1 << 20
+
+
+def point_ids(scan_index: int, point_index: IntArray) -> IntArray:
+    """Names of returns that survive every transformation: scan and place in the scan, in one."""
+    return scan_index * POINT_ID_STRIDE + np.asarray(point_index, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class MapPlane:
+    """A mapped plane in the map frame, as estimated now; n.x + d = 0, n to where it was seen from.
+
+    points: (M, 3) map frame, thinned; point_ids: (M,) where they came from (``point_ids``);
+    keyframes: (K,) ids of the keyframes that saw it; revision: grows with every change, so that
+    whoever reads planes can keep what it derived from an unchanged one.
+    """
+
+    id: int
+    normal: Array
+    d: float
+    points: Array
+    point_ids: IntArray
+    keyframes: IntArray
+    revision: int = 0
+
+    @property
+    def horizontal(self) -> bool:
+        """True for floors and ceilings."""
+        return bool(abs(self.normal[2]) > 0.7)
+
+    @cached_property
+    def axis(self) -> Array:
+        """(2,) the level direction in which the plane runs."""
+        return plane_axes(self.normal)[0][:2]
+
+    @cached_property
+    def segment(self) -> Array:
+        """(2, 2) the ends of the plane in plan view, from its points (1st to 99th percentile)."""
+        along = self.points[:, :2] @ self.axis
+        low, high = np.percentile(along, [1.0, 99.0])
+        steepness = max(float(np.hypot(*self.normal[:2])), 1e-9)
+        middle_z = float(np.median(self.points[:, 2]))
+        offset = -(self.d + self.normal[2] * middle_z) / steepness
+        return offset * self.normal[:2] / steepness + np.outer([low, high], self.axis)
+
+    @cached_property
+    def z_range(self) -> tuple[float, float]:
+        """Lowest and highest point [m], map frame."""
+        return float(self.points[:, 2].min()), float(self.points[:, 2].max())
+
+
+@dataclass(frozen=True)
+class MapView:
+    """What a detector may see: the map as estimated now, nothing of the simulator."""
+
+    stamp: float
+    planes: Sequence[MapPlane]
+    keyframes: Sequence[Keyframe]
+
+
+# --- rooms and walls -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PlanePiece:
+    """A part of a mapped plane: the stretch of it between two ends in plan view.
+
+    segment: (2, 2) map frame [m]. The piece owns the plane's points that project into it.
+    """
+
+    plane_id: int
+    segment: Array
+
+    @property
+    def length(self) -> float:
+        """Length of the piece [m]."""
+        return float(np.linalg.norm(self.segment[1] - self.segment[0]))
+
+    def mask(self, points: Array) -> NDArray[np.bool_]:
+        """Which of the plane's points (N, 3) lie between the two ends."""
+        run = self.segment[1] - self.segment[0]
+        length2 = float(run @ run)
+        along = (points[:, :2] - self.segment[0]) @ run
+        return (along >= -1e-9) & (along <= length2 + 1e-9)
+
+
+@dataclass(frozen=True)
+class RoomProposal:
+    """A room as a detector sees it. ``id`` stays the same while it is the same room.
+
+    pieces: what bounds it (may be empty for detectors without planes); polygon: (K, 2) or None;
+    centre: (2,) inside the room; map frame.
+    """
+
+    id: int
+    pieces: tuple[PlanePiece, ...]
+    polygon: Array | None
+    centre: Array
+    confidence: float
+
+
+@dataclass(frozen=True)
+class WallProposal:
+    """Two pieces that look away from each other across one wall body."""
+
+    id: int
+    pieces: tuple[PlanePiece, PlanePiece]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """Everything that a detector holds true now; what it no longer names is retracted."""
+
+    rooms: tuple[RoomProposal, ...] = ()
+    walls: tuple[WallProposal, ...] = ()
+
+
+class Detector(Protocol):
+    """Finds rooms and walls in the map. A new instance per run; it may keep state."""
+
+    def update(self, view: MapView) -> Proposals:
+        """All rooms and walls in the view, called after each keyframe."""
+        ...
+
+
+class Odometry(Protocol):
+    """Turns scans into poses. A new instance per run."""
+
+    def register(self, scan: Scan) -> Array:
+        """T_odom_base (4, 4) at the scan's end. Raises RunError when it has lost track."""
+        ...
+
+
+DetectorFactory = Callable[[], Detector]

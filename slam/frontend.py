@@ -1,0 +1,75 @@
+"""The front end: odometry on every scan, planes on keyframes. It knows nothing of the map."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slam.core import Array, Frame, InputError, KeyframeScan, Odometry, Scan, inverse, so3_log
+from slam.extraction import ExtractionConfig, extract_planes
+from slam.tracking import PlaneTracker, TrackingConfig
+
+
+@dataclass(frozen=True)
+class FrontEndConfig:
+    """When a scan becomes a keyframe, and what is kept of it.
+
+    distance [m] and angle [rad] since the last keyframe; every: one in so many returns is kept
+    beside the planes (the detectors that read free space need no more).
+    """
+
+    distance: float = 0.4
+    angle: float = 0.35
+    every: int = 4
+    extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
+
+
+class FrontEnd:
+    """Turns scans into frames. ``seconds`` holds what each stage of the last scan took."""
+
+    def __init__(self, odometry: Odometry, config: FrontEndConfig = FrontEndConfig()):
+        self._odometry = odometry
+        self._config = config
+        self._tracker = PlaneTracker(config.tracking)
+        self._last_keyframe: Array | None = None
+        self.seconds: dict[str, float] = {}
+
+    def process(self, scan: Scan) -> Frame:
+        """Raises RunError when the odometry has lost track, InputError for a malformed scan."""
+        _check(scan)
+        started = time.perf_counter()
+        T_odom_base = self._odometry.register(scan)
+        T_track_base = self._tracker.track(scan, T_odom_base)
+        self.seconds = {"odometry": time.perf_counter() - started}
+        keyframe = None
+        if self._is_keyframe(T_track_base):
+            started = time.perf_counter()
+            keyframe = self._keyframe(scan)
+            self._last_keyframe = T_track_base
+            self.seconds["planes"] = time.perf_counter() - started
+        return Frame(scan.index, scan.stamp, T_odom_base, T_track_base, keyframe)
+
+    def _is_keyframe(self, T_track_base: Array) -> bool:
+        if self._last_keyframe is None:
+            return True
+        step = inverse(self._last_keyframe) @ T_track_base
+        moved = float(np.linalg.norm(step[:3, 3])) >= self._config.distance
+        return moved or float(np.linalg.norm(so3_log(step[:3, :3]))) >= self._config.angle
+
+    def _keyframe(self, scan: Scan) -> KeyframeScan:
+        points = self._tracker.deskew(scan)
+        origin = scan.T_base_lidar[:3, 3]
+        planes = extract_planes(points, scan.ring, origin, self._config.extraction)
+        self._tracker.learn(planes)
+        return KeyframeScan(planes, points[:: self._config.every], origin)
+
+
+def _check(scan: Scan) -> None:
+    lengths = {len(scan.points), len(scan.times), len(scan.ring), len(scan.intensity)}
+    if len(lengths) != 1:
+        raise InputError(f"scan {scan.index}: points, times, ring and intensity differ in length")
+    if not len(scan):
+        raise InputError(f"scan {scan.index}: not a single return")

@@ -1,0 +1,195 @@
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import base_pose, box_planes, in_base, scan_box
+
+from slam.backend import BackEnd, BackEndConfig, opposed_pairs
+from slam.core import (
+    Frame,
+    InputError,
+    KeyframeScan,
+    PlaneObservation,
+    PlanePiece,
+    Proposals,
+    RoomProposal,
+    WallProposal,
+    inverse,
+    pose,
+    so3_exp,
+)
+from slam.extraction import ExtractionConfig, extract_planes
+from slam.graph import LayeredGraph
+
+BOX = box_planes(6.0, 4.0, 2.7)
+
+
+def true_poses(count):
+    turn = np.linspace(0.0, 2.0 * np.pi, count)
+    return [base_pose(3.0 + 1.5 * np.cos(a), 2.0 + 0.8 * np.sin(a), a + 1.5) for a in turn]
+
+
+def drifting(poses, rng):
+    """Odometry that makes an error at every step; odom is the first pose."""
+    T, odometry = np.eye(4), [np.eye(4)]
+    for before, after in itertools.pairwise(poses):
+        error = pose(so3_exp(rng.normal(0, 0.004, 3)), rng.normal(0, 0.015, 3))
+        T = T @ inverse(before) @ after @ error
+        odometry.append(T)
+    return odometry
+
+
+@pytest.fixture(scope="module")
+def frames():
+    rng = np.random.default_rng(4)
+    poses = true_poses(30)
+    odometry = drifting(poses, rng)
+    made = []
+    for k, (T_world_base, T_odom_base) in enumerate(zip(poses, odometry, strict=True)):
+        scan = scan_box(BOX, T_world_base, rng, index=2 * k)
+        points = in_base(scan)
+        planes = extract_planes(points, scan.ring, np.array([0, 0, 0.5]), ExtractionConfig())
+        keyframe = KeyframeScan(planes, points[::8], np.array([0, 0, 0.5]))
+        made.append(Frame(2 * k, 0.2 * k, T_odom_base, T_odom_base, keyframe))
+        if k + 1 < len(poses):  # a scan between two keyframes, half-way by odometry
+            made.append(Frame(2 * k + 1, 0.2 * k + 0.1, T_odom_base, T_odom_base, None))
+    return made, poses
+
+
+def run(frames, layers="rooms+walls", proposals=None):
+    backend = BackEnd(BackEndConfig(layers=layers))
+    for frame in frames:
+        if backend.add(frame) and proposals is not None:
+            backend.accept(proposals(backend.view()))
+    backend.optimise()
+    return backend
+
+
+def errors(estimated, true):
+    """Position errors [m] of poses in map against poses in world; map is the first pose."""
+    return np.array(
+        [(inverse(true[0]) @ T)[:3, 3] - E[:3, 3] for E, T in zip(estimated, true, strict=True)]
+    )
+
+
+def test_the_graph_is_far_better_than_the_odometry(frames):
+    made, poses = frames
+    backend = run(made)
+    estimate = errors([keyframe.T_map_base for keyframe in backend.keyframes()], poses)
+    odometry = errors([frame.T_odom_base for frame in made if frame.keyframe], poses)
+    rms = [np.sqrt((e**2).sum(axis=1).mean()) for e in (estimate, odometry)]
+    assert rms[1] > 0.03
+    assert rms[0] < 0.25 * rms[1]
+
+
+def test_every_wall_is_one_plane_and_opposite_faces_are_kept_apart(frames):
+    planes = run(frames[0]).view().planes
+    assert len(planes) == 5
+    for plane in planes:
+        assert len(plane.keyframes) == 30
+        assert np.abs(plane.points @ plane.normal + plane.d).max() < 0.1
+        assert len(np.unique(plane.point_ids)) == len(plane.point_ids)
+
+
+def test_the_trajectory_has_a_pose_for_every_scan(frames):
+    made, _ = frames
+    backend = run(made)
+    assert backend.trajectory().shape == backend.odometry().shape == (len(made), 4, 4)
+    keyframes = {k.scan_index: k.T_map_base for k in backend.keyframes()}
+    for frame, T in zip(made, backend.trajectory(), strict=True):
+        if frame.index in keyframes:
+            assert np.allclose(T, keyframes[frame.index], atol=1e-9)
+
+
+def test_two_runs_agree(frames):
+    one, two = (run(frames[0]).trajectory() for _ in range(2))
+    assert np.abs(one - two).max() < 1e-9
+
+
+def room_of(view):
+    """All walls of the box as one room, and (nonsense, but legal) two of them as a wall."""
+    walls = [plane for plane in view.planes if not plane.horizontal]
+    pieces = tuple(PlanePiece(plane.id, plane.segment) for plane in walls)
+    centre = np.mean([plane.points[:, :2].mean(axis=0) for plane in walls], axis=0)
+    room = RoomProposal(0, pieces, None, centre, 0.9)
+    return Proposals((room,), (WallProposal(0, (pieces[0], pieces[1]), 0.9),))
+
+
+def test_rooms_and_walls_enter_the_graph_and_leave_it(frames):
+    made, _ = frames
+    backend = run(made, proposals=room_of)
+    graph = backend.graph()
+    assert set(graph.concept_planes("r")) == {0}
+    assert set(graph.concept_planes("w")) == {0}
+    assert graph.floor() is not None
+    size = graph.estimate.size()
+    backend.accept(Proposals())
+    backend.optimise()
+    assert graph.concept_planes("r") == graph.concept_planes("w") == {}
+    assert graph.estimate.size() == size - 2
+
+
+@pytest.mark.parametrize(("layers", "rooms", "walls"), [("planes", 0, 0), ("rooms", 1, 0)])
+def test_layers_say_what_enters_the_graph(frames, layers, rooms, walls):
+    graph = run(frames[0], layers, room_of).graph()
+    assert len(graph.concept_planes("r")) == rooms
+    assert len(graph.concept_planes("w")) == walls
+
+
+def test_the_published_factors_add_no_information(frames):
+    without = run(frames[0], "planes").trajectory()
+    with_rooms = run(frames[0], "rooms", room_of).trajectory()
+    assert np.abs(without - with_rooms).max() < 1e-3
+
+
+def test_a_keyframe_without_planes_is_carried_by_the_odometry(frames):
+    made, _ = frames
+    bare = KeyframeScan((), np.zeros((0, 3)), np.zeros(3))
+    with_gap = [replace(f, keyframe=bare) if f.index == 10 else f for f in made]
+    assert np.isfinite(run(with_gap).trajectory()).all()
+
+
+def test_a_plane_without_a_direction_is_refused():
+    with pytest.raises(InputError, match="plane 3"):
+        LayeredGraph().add_plane(3, np.zeros(3), 1.0)
+
+
+def test_a_first_keyframe_without_planes_starts_a_map():
+    backend = BackEnd()
+    bare = KeyframeScan((), np.zeros((0, 3)), np.zeros(3))
+    assert backend.add(Frame(0, 0.0, np.eye(4), np.eye(4), bare))
+    assert backend.view().planes == []
+
+
+def test_pairs_are_opposed_and_the_second_lies_across_the_first():
+    normals = [np.array(n, float) for n in ([1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0])]
+    assert set(opposed_pairs(normals)) == {(0, 2), (1, 3)}
+    assert opposed_pairs(normals[:2]) == ()
+
+
+def test_observation_of_a_merged_plane_moves_with_it():
+    """Two planes a hand apart at first, found to be one when they are seen better."""
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(-2, 2, 500), rng.uniform(0, 1, 500)
+    backend = BackEnd(BackEndConfig(merge_every=1))
+
+    def seen(offset, sigma):
+        points = np.column_stack([u, np.full(500, 3.0 + offset), v])
+        observation = PlaneObservation(
+            np.array([0.0, -1.0, 0.0]),
+            3.0 + offset,
+            points.mean(axis=0),
+            np.diag([1e-6, 1e-6, sigma**2]),
+            points,
+            np.arange(500),
+        )
+        return KeyframeScan((observation,), points, np.zeros(3))
+
+    backend.add(Frame(0, 0.0, np.eye(4), np.eye(4), seen(0.0, 0.05)))
+    backend.add(Frame(1, 0.1, np.eye(4), np.eye(4), seen(0.17, 0.001)))
+    assert len(backend.view().planes) == 2
+    backend.add(Frame(2, 0.2, np.eye(4), np.eye(4), seen(0.12, 0.001)))
+    for k in range(3, 8):
+        backend.add(Frame(k, 0.1 * k, np.eye(4), np.eye(4), seen(0.02, 0.001)))
+    assert len(backend.view().planes) <= 2

@@ -1,0 +1,134 @@
+import gtsam
+import numpy as np
+import pytest
+
+from slam.core import PlaneObservation, pose, so3_exp, transform_plane
+from slam.factors import keyframe_plane_factor, room_factor, wall_factor
+
+POSE, ROOM, PLANES = 0, 1, (10, 11, 12, 13)
+
+
+def observation(normal, d, centroid):
+    return PlaneObservation(
+        np.asarray(normal, float),
+        d,
+        np.asarray(centroid, float),
+        np.eye(3) * 0.01,
+        np.zeros((0, 3)),
+        np.zeros(0, dtype=np.int64),
+    )
+
+
+def numeric_jacobian(factor, values, key, dimension, step=1e-6):
+    columns = []
+    for axis in range(dimension):
+        ends = []
+        for sign in (1.0, -1.0):
+            delta = gtsam.VectorValues()
+            for k in list(factor.keys()):
+                size = dimension if k == key else values_dimension(values, k)
+                v = np.zeros(size)
+                if k == key:
+                    v[axis] = sign * step
+                delta.insert(k, v)
+            ends.append(factor.unwhitenedError(values.retract(delta)))
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.stack(columns, axis=1)
+
+
+def values_dimension(values, key):
+    if key == POSE:
+        return 6
+    return 3 if key in PLANES or key == 2 else 2
+
+
+def check_jacobians(factor, values):
+    jacobians, _ = factor.linearize(values).jacobian()  # whitened by the noise model
+    whiten = factor.noiseModel().R()
+    column = 0
+    for key in list(factor.keys()):
+        dimension = values_dimension(values, key)
+        numeric = whiten @ numeric_jacobian(factor, values, key, dimension)
+        assert jacobians[:, column : column + dimension] == pytest.approx(numeric, abs=1e-5)
+        column += dimension
+
+
+def random_plane(rng):
+    n = rng.normal(size=3)
+    return gtsam.OrientedPlane3(np.append(n / np.linalg.norm(n), rng.normal()))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_keyframe_plane_jacobians(seed):
+    rng = np.random.default_rng(seed)
+    values = gtsam.Values()
+    values.insert(POSE, gtsam.Pose3(pose(so3_exp(rng.normal(size=3)), rng.normal(size=3))))
+    values.insert(PLANES[0], random_plane(rng))
+    factor = keyframe_plane_factor(POSE, PLANES[0], observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]))
+    check_jacobians(factor, values)
+
+
+def test_keyframe_plane_error_is_zero_for_the_true_plane_and_metric_beside_it():
+    T = pose(so3_exp(np.array([0.01, -0.02, 1.0])), np.array([2.0, 1.0, 0.0]))
+    seen = observation([0.0, 1.0, 0.0], 2.0, [0.5, -2.0, 0.3])
+    normal, d = transform_plane(T, seen.normal, seen.d)
+    values = gtsam.Values()
+    values.insert(POSE, gtsam.Pose3(T))
+    values.insert(PLANES[0], gtsam.OrientedPlane3(np.append(normal, d + 0.05)))
+    error = keyframe_plane_factor(POSE, PLANES[0], seen).unwhitenedError(values)
+    assert error == pytest.approx([0.0, 0.0, 0.05], abs=1e-9)
+
+
+def box_values(width, depth):
+    values = gtsam.Values()
+    for key, plane in zip(
+        PLANES, [(1, 0, 0, 0), (-1, 0, 0, width), (0, 1, 0, 0), (0, -1, 0, depth)], strict=True
+    ):
+        values.insert(key, gtsam.OrientedPlane3(np.array(plane, dtype=float)))
+    return values
+
+
+def test_a_four_plane_room_is_centred_between_its_planes():
+    values = box_values(6.0, 4.0)
+    values.insert(ROOM, np.array([3.0, 2.0]))
+    noise = gtsam.noiseModel.Unit.Create(2)
+    point = np.array([2.0, 2.5, 1.0])  # anywhere inside: the planes decide
+    factor = room_factor(ROOM, PLANES, ((0, 1), (2, 3)), point, noise)
+    assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_a_two_plane_room_keeps_its_place_along_the_corridor():
+    values = box_values(6.0, 4.0)
+    values.insert(ROOM, np.array([2.0, 2.0]))
+    noise = gtsam.noiseModel.Unit.Create(2)
+    factor = room_factor(ROOM, PLANES[2:], ((0, 1),), np.array([2.0, 2.5, 1.0]), noise)
+    assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_the_room_factor_does_not_break_where_its_middle_plane_meets_the_origin():
+    values = gtsam.Values()
+    values.insert(PLANES[0], gtsam.OrientedPlane3(np.array([0.0, 1.0, 0.0, 1.0])))
+    values.insert(PLANES[1], gtsam.OrientedPlane3(np.array([0.0, -1.0, 0.0, 1.0])))
+    values.insert(ROOM, np.array([2.0, 0.0]))
+    noise = gtsam.noiseModel.Unit.Create(2)
+    factor = room_factor(ROOM, PLANES[:2], ((0, 1),), np.array([2.0, 0.3, 1.0]), noise)
+    assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_room_and_wall_jacobians(seed):
+    rng = np.random.default_rng(seed)
+    values = gtsam.Values()
+    for key, n in zip(PLANES, ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]), strict=True):
+        normal = np.array(n) + rng.normal(0.0, 0.05, 3)
+        values.insert(
+            key, gtsam.OrientedPlane3(np.append(normal / np.linalg.norm(normal), rng.normal()))
+        )
+    values.insert(ROOM, rng.normal(size=2))
+    values.insert(2, rng.normal(size=3))
+    point = rng.normal(size=3)
+    room = room_factor(
+        ROOM, PLANES, ((0, 1), (2, 3)), point, gtsam.noiseModel.Isotropic.Sigma(2, 0.3)
+    )
+    check_jacobians(room, values)
+    check_jacobians(wall_factor(2, PLANES[:2], point, gtsam.noiseModel.Unit.Create(3)), values)

@@ -1,0 +1,137 @@
+"""Who may import whom, what stays light, and what no file may say."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
+LEAF = "slam.core"
+
+MAY_IMPORT = {
+    "worlds": ("worlds",),
+    "sim": ("sim", "worlds"),
+    "slam": ("slam",),
+    "semantics": ("semantics",),
+    "eval": PACKAGES,
+}
+# The training set is made of generated plans; what runs on a robot knows nothing of them.
+TRAINING = ("semantics/dataset.py", "semantics/train.py")
+
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+HEAVY = {"torch", "open3d", "rerun", "matplotlib", "mujoco", "gtsam", "scipy", "numpy", "rich"}
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Every module that a file imports, anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            # `from slam import core` imports slam.core
+            yield from (
+                f"{node.module}.{alias.name}" if node.module in PACKAGES else str(node.module)
+                for alias in node.names
+            )
+
+
+def allowed(path: Path, module: str) -> bool:
+    package, name = path.relative_to(ROOT).parts[0], path.relative_to(ROOT).as_posix()
+    top = module.partition(".")[0]
+    if top not in PACKAGES or module == LEAF:
+        return True
+    return top in MAY_IMPORT[package] or (name in TRAINING and top == "worlds")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_imports_go_one_way(path: Path) -> None:
+    wrong = [module for module in imported(path) if not allowed(path, module)]
+    assert not wrong
+    assert not {"eval", "slam", "sim", "worlds", "semantics"} & set(imported(path))
+
+
+def test_the_leaf_imports_numpy_only() -> None:
+    tops = {module.partition(".")[0] for module in imported(ROOT / "slam" / "core.py")}
+    assert tops - set(sys.stdlib_module_names) == {"numpy"}
+
+
+def test_the_rules_can_fail(tmp_path: Path) -> None:
+    for line in ("import sim.lidar", "from sim.lidar import Lidar", "from sim import lidar"):
+        bad = tmp_path / "bad.py"
+        bad.write_text(f"def f():\n    {line}\n")
+        assert list(imported(bad)) == ["sim.lidar"]
+    assert not allowed(ROOT / "slam" / "graph.py", "sim.lidar")
+    assert not allowed(ROOT / "semantics" / "detector.py", "worlds.plan")
+    assert not allowed(ROOT / "worlds" / "plan.py", "slam.graph")
+    assert allowed(ROOT / "semantics" / "dataset.py", "worlds.generator")
+    assert allowed(ROOT / "worlds" / "plan.py", "slam.core")
+
+
+def loaded_by(code: str) -> set[str]:
+    """The modules that a new interpreter has loaded after some code."""
+    script = f"import sys\n{code}\nprint('\\n'.join(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split())
+
+
+def tops(modules: set[str]) -> set[str]:
+    return {module.partition(".")[0] for module in modules}
+
+
+def test_inference_loads_neither_worlds_nor_sim() -> None:
+    code = """
+from semantics.detector import make_detector
+from slam.core import MapView
+make_detector("gnn").update(MapView(0.0, (), ()))
+"""
+    assert not tops(loaded_by(code)) & {"worlds", "sim", "eval"}
+
+
+def test_slam_loads_nothing_of_the_simulator() -> None:
+    code = "import slam.frontend, slam.backend, slam.odometry"
+    assert not tops(loaded_by(code)) & {"worlds", "sim", "semantics", "eval"}
+
+
+def test_the_command_line_starts_light() -> None:
+    assert not tops(loaded_by("import eval.cli")) & HEAVY
+
+
+def test_every_package_is_installed() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    listed = project["tool"]["setuptools"]["packages"]
+    inits = {path.parent for package in PACKAGES for path in (ROOT / package).rglob("__init__.py")}
+    assert set(listed) == {path.relative_to(ROOT).as_posix().replace("/", ".") for path in inits}
+
+
+@pytest.mark.parametrize("pattern", ["worlds/scenes/*.json", "semantics/weights/*.npz"])
+def test_the_data_that_ships_is_there_and_installed(pattern: str) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    package, _, inside = pattern.partition("/")
+    assert inside in project["tool"]["setuptools"]["package-data"][package]
+    assert list(ROOT.glob(pattern))
+
+
+def texts() -> list[Path]:
+    """What a person wrote: sources, tests, scripts, documents."""
+    top = [path for path in ROOT.iterdir() if path.is_file() and path.name != ".git"]
+    folders = [ROOT / name for name in (*PACKAGES, "tests", ".ci")]
+    below = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    endings = {"", ".py", ".md", ".toml", ".json", ".sh", ".cfg"}
+    return [path for path in top + below if path.suffix in endings]
+
+
+def test_no_file_names_a_place_on_somebodys_machine() -> None:
+    place = re.compile(r"(?<![\w.\-/])/(?:" + "|".join(["home", "root", "Users", "work"]) + r")/\w")
+    found = [path for path in texts() if place.search(path.read_text(encoding="utf-8"))]
+    assert not found

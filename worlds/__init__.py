@@ -1,0 +1,1 @@
+"""A floor plan as a MuJoCo world, and its exact truth."""

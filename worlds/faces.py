@@ -1,0 +1,122 @@
+"""Faces of the rooms of a storey as built: coplanar stretches of wall, seen from one room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.core import Array, IntArray
+from worlds.asbuilt import AsBuilt
+from worlds.layout import Layout
+from worlds.outline import TOUCH
+from worlds.sidemap import SideMap
+from worlds.truth import CLUTTER, NO_FACE, Face
+
+SAME_PLANE = 0.02
+"""Stretches whose ends are at most this far off each other's plane are coplanar [m]."""
+SAME_DIRECTION = np.cos(np.radians(1.0))
+"""... and whose normals are within one degree of each other."""
+MIN_LENGTH = 0.5
+"""Faces with less real wall than this are not scored [m]."""
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches of wall as built, in the world frame.
+
+    normal: (S, 3) into the room; ends: (S, 2, 3) at mid height, left end first seen from there.
+    """
+
+    normal: Array
+    ends: Array
+
+    @property
+    def length(self) -> Array:
+        """(S,) [m]."""
+        return np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+
+
+def measured(layout: Layout, built: AsBuilt, side: IntArray, low: Array, high: Array) -> Stretches:
+    """Stretches of sides (from low to high along them, as drawn) as they were built."""
+    outline, height = layout.outline, layout.height
+    drawn = [outline.start[side] + t[:, None] * outline.direction[side] for t in (low, high)]
+    ends = np.stack([built.at_height(points, height / 2.0) for points in drawn], axis=1)
+    z = np.full((len(side), 2, 1), layout.storey.z_floor + height / 2.0)
+    return Stretches(built.normals[side], np.concatenate([ends, z], axis=2))
+
+
+def coplanar(stretches: Stretches) -> IntArray:
+    """(S,) groups of coplanar, same-facing stretches; the longest of a group decides its plane."""
+    group = np.full(len(stretches.normal), -1, dtype=np.int64)
+    for row in np.argsort(-np.round(stretches.length, 6), kind="stable"):
+        if group[row] >= 0:
+            continue
+        normal, point = stretches.normal[row], stretches.ends[row, 0]
+        off = np.abs((stretches.ends - point) @ normal).max(axis=1)
+        same = (off <= SAME_PLANE) & (stretches.normal @ normal >= SAME_DIRECTION)
+        group[same & (group < 0)] = group.max() + 1
+    return group
+
+
+def storey_faces(
+    layout: Layout, built: AsBuilt, face_0: int, room_0: int
+) -> tuple[list[Face], SideMap]:
+    """The scored faces of a storey, and which face (or label) each stretch of wall belongs to.
+
+    Ids count from face_0, rooms from room_0; faces get their surfaces later. Lintels and sills
+    carry the face of the wall that they are in.
+    """
+    bounds = layout.bounds
+    drawn = measured(layout, built, bounds.side, bounds.low, bounds.high)
+    pillar = np.isin(layout.outline.part[bounds.side], list(layout.pillars))
+    label = np.where(pillar, CLUTTER, NO_FACE)
+    faces: list[Face] = []
+    for room in range(len(layout.rooms)):
+        rows = np.flatnonzero((bounds.value == room) & ~pillar)
+        group = coplanar(Stretches(drawn.normal[rows], drawn.ends[rows]))
+        for g in range(int(group.max(initial=-1)) + 1):
+            table = _real_wall(layout, rows[group == g])
+            parts = measured(layout, built, table[:, 0].astype(np.int64), table[:, 1], table[:, 2])
+            if parts.length.sum() >= MIN_LENGTH:
+                label[rows[group == g]] = face_0 + len(faces)
+                faces.append(_face(layout, parts, face_0 + len(faces), room_0 + room))
+    return faces, bounds.relabelled(label)
+
+
+def _real_wall(layout: Layout, rows: IntArray) -> Array:
+    """(P, 3) side, low and high of what the passable openings leave of some stretches."""
+    bounds = layout.bounds
+    found: list[tuple[float, float, float]] = []
+    spans = sorted(zip(bounds.side[rows], bounds.low[rows], bounds.high[rows], strict=True))
+    for side, low, high in spans:
+        for a, b, opening in layout.gaps.split(int(side), float(low), float(high)):
+            if opening >= 0 or b - a < TOUCH:
+                continue
+            if found and found[-1][0] == side and abs(found[-1][2] - a) < TOUCH:
+                found[-1] = (side, found[-1][1], b)
+            else:
+                found.append((side, a, b))
+    return np.array(found, dtype=np.float64).reshape(-1, 3)
+
+
+def _face(layout: Layout, parts: Stretches, identity: int, room: int) -> Face:
+    """One face from its stretches of real wall."""
+    normal = parts.length @ parts.normal
+    normal /= np.linalg.norm(normal)
+    middle = parts.length @ parts.ends.mean(axis=1) / parts.length.sum()
+    right = np.array([-normal[1], normal[0]]) / np.hypot(normal[0], normal[1])
+    order = np.argsort(parts.ends[:, :, :2].mean(axis=1) @ right)
+    ends = parts.ends[order][:, :, :2]
+    points = ends.reshape(-1, 2)
+    along = points @ right
+    return Face(
+        id=identity,
+        room=room,
+        normal=normal,
+        d=float(-normal @ middle),
+        segment=points[[np.argmin(along), np.argmax(along)]],
+        parts=ends,
+        z_range=(layout.storey.z_floor, layout.storey.z_ceiling),
+        surface=-1,
+    )

@@ -1,0 +1,144 @@
+"""A value in a JSON file that knows where it stands, so that an error can name it."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from slam.core import InputError
+
+MAX_BYTES = 50_000_000
+"""Largest plan file that is read [bytes]: a building of 1,000 rooms takes well under 5 MB."""
+MAX_COORDINATE = 100_000.0
+"""Largest length or coordinate that a building can have [m]."""
+SHOWN = 40
+"""Characters of a wrong value that an error shows."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One value of a parsed JSON file, its path there (``storeys[0].rooms[3].outline``)."""
+
+    file: str
+    path: str
+    value: object
+
+    def fail(self, expected: str) -> NoReturn:
+        """Raises the InputError that names file, field and what was expected."""
+        where = f"{self.file}: {self.path}" if self.path else self.file
+        raise InputError(f"{where}: {expected}")
+
+    def wrong(self, expected: str) -> NoReturn:
+        """``fail`` for a value of the wrong kind, which it shows."""
+        self.fail(f"expected {expected}, found {shown(self.value)}")
+
+    def members(self, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, Field]:
+        """An object's fields by name; every name must be known and each required one present."""
+        if not isinstance(self.value, dict):
+            self.wrong("an object")
+        for key in self.value:
+            if key not in required and key not in optional:
+                self._unknown(key, required + optional)
+        for key in required:
+            if key not in self.value:
+                self.fail(f'the field "{key}" is missing')
+        return {key: self._member(key) for key in self.value}
+
+    def _member(self, key: str) -> Field:
+        assert isinstance(self.value, dict)
+        return Field(self.file, f"{self.path}.{key}" if self.path else key, self.value[key])
+
+    def _unknown(self, key: str, known: tuple[str, ...]) -> NoReturn:
+        near = difflib.get_close_matches(key, known, n=1)
+        hint = f'did you mean "{near[0]}"?' if near else f"known are {', '.join(known)}"
+        self.fail(f"unknown field {shown(key)}: {hint}")
+
+    def items(self) -> list[Field]:
+        """The elements of a list."""
+        if not isinstance(self.value, list):
+            self.wrong("a list")
+        return [Field(self.file, f"{self.path}[{i}]", v) for i, v in enumerate(self.value)]
+
+    def text(self) -> str:
+        """A text."""
+        if not isinstance(self.value, str):
+            self.wrong("a text")
+        return self.value
+
+    def choice(self, known: tuple[str, ...]) -> str:
+        """One of some words."""
+        if self.value not in known:
+            self.wrong(f"one of {', '.join(known)}")
+        return str(self.value)
+
+    def number(self) -> float:
+        """A finite number of plausible size."""
+        if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
+            self.wrong("a number")
+        if not math.isfinite(self.value):
+            self.wrong("a finite number")
+        if abs(self.value) > MAX_COORDINATE:
+            self.wrong(f"metres within +-{MAX_COORDINATE:.0f}")
+        return float(self.value)
+
+    def positive(self) -> float:
+        """A number above zero."""
+        number = self.number()
+        if number <= 0.0:
+            self.wrong("a number above 0")
+        return number
+
+    def point(self) -> tuple[float, float]:
+        """A point ``[x, y]``."""
+        if not isinstance(self.value, list) or len(self.value) != 2:
+            self.wrong("a point [x, y]")
+        x, y = self.items()
+        return x.number(), y.number()
+
+
+def shown(value: object) -> str:
+    """A value as an error quotes it: on one line, and short."""
+    text = json.dumps(value, ensure_ascii=True, default=str)
+    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+
+
+def read_json(path: Path) -> Field:
+    """The root of a JSON file. Raises InputError for what cannot be read, or is not JSON."""
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise InputError(
+                f"{path}: {size / 1e6:.0f} MB, expected a plan of at most {MAX_BYTES / 1e6:.0f} MB"
+            )
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected JSON in UTF-8: {error.reason}") from error
+    return Field(str(path), "", _parse(path, text))
+
+
+def _parse(path: Path, text: str) -> object:
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"{path}: expected JSON: {error.msg} at {where}") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: expected a plan, found JSON nested too deeply") from error
+    except ValueError as error:
+        raise InputError(f"{path}: expected JSON: {error}") from error
+
+
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """A JSON object; a field named twice is a slip that would silently lose one of them."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the field {shown(twice)} stands twice in one object")
+    return found

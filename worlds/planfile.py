@@ -1,0 +1,272 @@
+"""Our plan file: a building as JSON that people can read and write.
+
+    {"format": "roomloop-plan-1", "name": ..., "notes": ...,
+     "storeys": [{"name": ..., "z_floor": 0.0, "z_ceiling": 2.7,
+       "rooms": [{"id": ..., "name": ..., "kind": "room", "outline": [[x, y], ...]}],
+       "walls": [{"from": [x, y], "to": [x, y], "thickness": 0.15} | {"outline": [[x, y], ...]}],
+       "doors": [{"at": [x, y], "width": 0.9, "height": 2.0} | {"outline": [[x, y], ...]}]}]}
+
+Metres. Centre lines that meet end to end get a proper corner. A door lies on a wall and cuts
+through its whole body; ``kind`` is door, window or opening, ``sill`` and ``head`` are heights above
+the floor.
+Rooms, walls and doors given by an outline may have ``holes``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import STRtree
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
+
+from slam.core import InputError
+from worlds.drafting import CentreLine, as_multipolygon, door_footprint, draw_bodies
+from worlds.fields import Field, read_json
+from worlds.plan import CEILING_WHERE_UNKNOWN, Opening, Plan, RoomOutline, Storey
+
+FORMAT = "roomloop-plan-1"
+MAX_VERTICES = 200_000
+"""Most corners that a plan can have: a building of 1,000 rooms has about 20,000."""
+OPENING_KINDS = ("door", "window", "opening")
+DOOR_HEIGHT = 2.0
+"""Height of a door whose plan gives none [m]."""
+MIN_HEIGHT = 0.5
+"""Least height of a storey [m]."""
+MAX_OVERLAP = 0.02
+"""What two rooms may share outside of walls before they count as overlapping [m2]."""
+
+
+def read_plan(path: Path) -> Plan:
+    """The plan in a file. Raises InputError that names file, field and what was expected."""
+    root = read_json(path)
+    _check_size(root)
+    top = root.members(("format", "storeys"), ("name", "notes"))
+    top["format"].choice((FORMAT,))
+    storeys = top["storeys"].items()
+    if not storeys:
+        top["storeys"].wrong("at least one storey")
+    return Plan(
+        name=top["name"].text() if "name" in top else path.stem,
+        storeys=tuple(_storey(field, i) for i, field in enumerate(storeys)),
+        notes=top["notes"].text() if "notes" in top else "",
+    )
+
+
+def _check_size(root: Field) -> None:
+    """Refuses a plan with more corners than any building has, before geometry is made of it."""
+    corners, pending = 0, [root.value]
+    while pending:
+        value = pending.pop()
+        if isinstance(value, dict):
+            pending.extend(value.values())
+        elif isinstance(value, list):
+            corners += bool(value) and not isinstance(value[0], (list, dict))
+            pending.extend(value)
+    if corners > MAX_VERTICES:
+        root.fail(f"{corners} corners, expected a plan of at most {MAX_VERTICES}")
+
+
+def _storey(field: Field, index: int) -> Storey:
+    parts = field.members(("rooms", "walls"), ("name", "z_floor", "z_ceiling", "doors"))
+    z_floor = parts["z_floor"].number() if "z_floor" in parts else 0.0
+    z_ceiling = z_floor + CEILING_WHERE_UNKNOWN
+    if "z_ceiling" in parts and parts["z_ceiling"].value is not None:
+        z_ceiling = parts["z_ceiling"].number()
+        if z_ceiling < z_floor + MIN_HEIGHT:
+            parts["z_ceiling"].wrong(f"a height at least {MIN_HEIGHT} m above z_floor {z_floor:g}")
+    bodies = _walls(parts["walls"])
+    walls = as_multipolygon(shapely.union_all(bodies))
+    rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items())]
+    _check_rooms(parts["rooms"], rooms, walls)
+    doors = parts["doors"].items() if "doors" in parts else []
+    tree = STRtree(bodies)
+    return Storey(
+        name=parts["name"].text() if "name" in parts else str(index),
+        z_floor=z_floor,
+        z_ceiling=z_ceiling,
+        rooms=tuple(rooms),
+        walls=walls,
+        openings=tuple(_door(door, tree, z_ceiling - z_floor) for door in doors),
+    )
+
+
+# --- rooms ---------------------------------------------------------------------------------------
+
+
+def _room(field: Field, index: int) -> RoomOutline:
+    parts = field.members(("outline",), ("id", "name", "kind", "holes"))
+    identity = parts["id"].text() if "id" in parts else str(index)
+    return RoomOutline(
+        id=identity,
+        name=parts["name"].text() if "name" in parts else identity,
+        kind=parts["kind"].text().lower() if "kind" in parts else "room",
+        outline=_polygon(parts),
+    )
+
+
+def _check_rooms(field: Field, rooms: Sequence[RoomOutline], walls: MultiPolygon) -> None:
+    """Rooms have names of their own, free space between the walls, and do not overlap."""
+    seen: dict[str, int] = {}
+    for i, room in enumerate(rooms):
+        if room.id in seen:
+            field.items()[i].fail(f'id "{room.id}" is also that of rooms[{seen[room.id]}]')
+        seen[room.id] = i
+    free = shapely.difference([room.outline for room in rooms], walls)
+    for i in np.flatnonzero(shapely.area(free) < MAX_OVERLAP).tolist():
+        field.items()[i].fail(f'room "{rooms[i].name}" has no free space outside the walls')
+    first, second = STRtree(free).query(free, predicate="intersects")
+    pairs = np.flatnonzero(first < second)
+    shared = shapely.area(shapely.intersection(free[first[pairs]], free[second[pairs]]))
+    for i, j in zip(
+        first[pairs[shared > MAX_OVERLAP]], second[pairs[shared > MAX_OVERLAP]], strict=False
+    ):
+        names = f'"{rooms[i].name}" (rooms[{i}]) and "{rooms[j].name}"'
+        field.items()[j].fail(f"rooms {names} overlap, expected rooms side by side")
+
+
+# --- walls and doors -----------------------------------------------------------------------------
+
+
+def _walls(field: Field) -> list[Polygon]:
+    lines, outlines = [], []
+    for item in field.items():
+        if isinstance(item.value, dict) and "outline" in item.value:
+            outlines.append(_polygon(item.members(("outline",), ("holes",))))
+        else:
+            lines.append(_centre_line(item))
+    if not lines and not outlines:
+        field.wrong("at least one wall")
+    return draw_bodies(lines, outlines)
+
+
+def _centre_line(field: Field) -> CentreLine:
+    parts = field.members(("from", "to", "thickness"), ())
+    start, end = np.array(parts["from"].point()), np.array(parts["to"].point())
+    thickness = parts["thickness"].positive()
+    if np.linalg.norm(end - start) < 1e-3:
+        parts["to"].wrong("another point than in from: the wall has no length")
+    return CentreLine(start, end, thickness)
+
+
+def _door(field: Field, bodies: STRtree, height: float) -> Opening:
+    shape = ("outline",) if _has(field, "outline") else ("at", "width")
+    parts = field.members(shape, ("kind", "height", "sill", "head", "holes"))
+    kind = parts["kind"].choice(OPENING_KINDS) if "kind" in parts else "door"
+    z_min, z_max = _heights(field, parts, height)
+    footprint = _polygon(parts) if "outline" in parts else _across(parts, bodies)
+    touched = bodies.geometries[bodies.query(footprint, predicate="intersects")]
+    if not shapely.area(shapely.intersection(touched, footprint)).sum() > 1e-6:
+        parts[shape[0]].wrong("a door on a wall: no wall is there")
+    return Opening(kind, footprint, z_min, z_max)
+
+
+def _has(field: Field, key: str) -> bool:
+    return isinstance(field.value, dict) and key in field.value
+
+
+def _across(parts: dict[str, Field], bodies: STRtree) -> Polygon:
+    width = parts["width"].positive()
+    footprint = door_footprint(np.array(parts["at"].point()), width, bodies)
+    if footprint is None:
+        parts["at"].wrong(f"the middle of a door that lies on one wall over its {width:g} m")
+    return footprint
+
+
+def _heights(field: Field, parts: dict[str, Field], ceiling: float) -> tuple[float, float]:
+    """(sill, head) of a door above the floor, from any two of sill, head and height."""
+    sill = parts["sill"].number() if "sill" in parts else 0.0
+    if "head" in parts and "height" in parts:
+        field.fail("expected head or height, found both")
+    if "head" in parts:
+        head = parts["head"].positive()
+    else:
+        head = sill + (parts["height"].positive() if "height" in parts else DOOR_HEIGHT)
+        head = head if "height" in parts else min(head, ceiling)
+    if not 0.0 <= sill < head <= ceiling + 1e-9:
+        field.fail(
+            f"expected 0 <= sill < head <= {ceiling:g} m (the ceiling), "
+            f"found sill {sill:g} and head {head:g}"
+        )
+    return sill, head
+
+
+# --- polygons ------------------------------------------------------------------------------------
+
+
+def _polygon(parts: dict[str, Field]) -> Polygon:
+    """The polygon of ``outline`` and ``holes``: not self-crossing, and with an area."""
+    holes = parts["holes"].items() if "holes" in parts else []
+    polygon = Polygon(_ring(parts["outline"]), [_ring(hole) for hole in holes])
+    if not polygon.is_valid:
+        reason = shapely.is_valid_reason(polygon)
+        parts["outline"].fail(f"expected an outline that does not cross itself: {reason}")
+    return polygon
+
+
+def _ring(field: Field) -> list[tuple[float, float]]:
+    points = [item.point() for item in field.items()]
+    ring = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
+    if len(set(ring)) < 3:
+        field.wrong("at least three different points")
+    if Polygon(ring).area < 1e-6:
+        field.wrong("an outline with an area")
+    return ring
+
+
+# --- writing -------------------------------------------------------------------------------------
+
+
+def write_plan(plan: Plan, path: Path) -> None:
+    """Writes the plan; ``read_plan`` gives back the same geometry. Walls become outlines."""
+    storeys = ",\n".join(_storey_text(storey) for storey in plan.storeys)
+    head = f'"format": {_text(FORMAT)},\n"name": {_text(plan.name)},\n"notes": {_text(plan.notes)}'
+    text = f'{{{head},\n"storeys": [\n{storeys}\n]}}\n'
+    partial = path.with_name(path.name + ".part")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _storey_text(storey: Storey) -> str:
+    rooms = [
+        f'{{"id": {_text(r.id)}, "name": {_text(r.name)}, "kind": {_text(r.kind)}, '
+        f"{_outline(r.outline)}}}"
+        for r in storey.rooms
+    ]
+    doors = [
+        f'{{"kind": {_text(o.kind)}, "sill": {o.z_min!r}, "head": {o.z_max!r}, '
+        f"{_outline(o.footprint)}}}"
+        for o in storey.openings
+    ]
+    walls = [f"{{{_outline(wall)}}}" for wall in storey.walls.geoms]
+    return (
+        f'{{"name": {_text(storey.name)}, "z_floor": {storey.z_floor!r}, '
+        f'"z_ceiling": {storey.z_ceiling!r},\n'
+        f'"rooms": {_block(rooms)},\n"walls": {_block(walls)},\n"doors": {_block(doors)}}}'
+    )
+
+
+def _block(lines: Sequence[str]) -> str:
+    return "[\n  " + ",\n  ".join(lines) + "]" if lines else "[]"
+
+
+def _outline(polygon: Polygon) -> str:
+    polygon = orient(polygon)
+    holes = [_points(hole.coords) for hole in polygon.interiors]
+    text = f'"outline": {_points(polygon.exterior.coords)}'
+    return text + (f', "holes": [{", ".join(holes)}]' if holes else "")
+
+
+def _points(coords: Sequence[tuple[float, ...]]) -> str:
+    return json.dumps([[float(x), float(y)] for x, y, *_ in list(coords)[:-1]])
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)

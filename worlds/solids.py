@@ -1,0 +1,147 @@
+"""Walls as closed convex solids whose every side knows the face that it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon
+
+from slam.core import Array
+from worlds.asbuilt import AsBuilt
+from worlds.convex import ConvexPart, convex_parts
+from worlds.doorways import THRESHOLD
+from worlds.drafting import as_multipolygon
+from worlds.layout import Layout
+from worlds.outline import TOUCH
+from worlds.plan import Opening
+from worlds.sidemap import SideMap
+from worlds.truth import NO_FACE
+
+OVERLAP = 0.02
+"""Walls reach this far into the floor and the ceiling slab, so that no ray slips between [m]."""
+THINNEST = 1e-4
+"""Solids thinner than this cannot be built; what is left of them no sensor would notice [m]."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A closed convex solid. vertices: (V, 3) world frame [m]; triangles: (T, 3), outward; face:
+    (T,) the face id or the label of ``worlds.truth`` that each triangle shows.
+    """
+
+    name: str
+    vertices: Array
+    triangles: NDArray[np.int32]
+    face: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Mould:
+    """What turns a convex part of a drawn polygon into a solid."""
+
+    layout: Layout
+    built: AsBuilt
+    labels: SideMap
+
+    def cast(self, name: str, points: Array, part: ConvexPart, z: tuple[float, float]) -> Solid:
+        """The solid over a part of the drawn plan, between two heights above the floor."""
+        ring, faces, triangles = self._ring(points, part)
+        placed = self.built.place(ring)
+        low, high = (self._at(placed, height) for height in z)
+        count = len(ring)
+        here = np.arange(count)
+        there = np.roll(here, -1)
+        sides = [[here, there, there + count], [here, there + count, here + count]]
+        caps = np.array(triangles)
+        return Solid(
+            name=name,
+            vertices=np.concatenate([low, high]),
+            triangles=np.concatenate(
+                [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
+            ).astype(np.int32),
+            face=np.concatenate([faces, faces, np.full(2 * len(caps), NO_FACE)]).astype(np.int32),
+        )
+
+    def _at(self, placed: Array, height: float) -> Array:
+        """(K, 3) world coordinates at a height above the floor, which may lie beyond the walls."""
+        share = height / self.built.height
+        level = placed[:, 0] + share * (placed[:, 1] - placed[:, 0])
+        z = np.full(len(level), self.layout.storey.z_floor + height)
+        return np.column_stack([level, z])
+
+    def _ring(
+        self, points: Array, part: ConvexPart
+    ) -> tuple[Array, NDArray[np.int64], list[tuple[int, ...]]]:
+        """The drawn ring, cut where the face changes; the face of each edge; the cap triangles."""
+        outline = self.layout.outline
+        corners = points[list(part.ring)]
+        following = np.roll(corners, -1, axis=0)
+        side = outline.side_under(corners, following)
+        on = np.maximum(side, 0)
+        spans = np.column_stack([outline.along(on, corners), outline.along(on, following)])
+        ring: list[Array] = []
+        faces: list[int] = []
+        place: dict[int, int] = {}
+        for k, corner in enumerate(part.ring):
+            place[corner] = len(ring)
+            ring.append(corners[k])
+            if side[k] < 0:
+                faces.append(NO_FACE)
+                continue
+            cuts = self.labels.split(int(side[k]), *map(float, np.sort(spans[k])))
+            cuts = cuts if spans[k, 0] < spans[k, 1] else cuts[::-1]
+            faces += [face for _, _, face in cuts]
+            ends = [b if spans[k, 0] < spans[k, 1] else a for a, b, _ in cuts[:-1]]
+            ring += [outline.start[side[k]] + t * outline.direction[side[k]] for t in ends]
+        triangles = [tuple(place[c] for c in triangle) for triangle in part.triangles]
+        return np.array(ring), np.array(faces, dtype=np.int64), triangles
+
+
+def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) -> list[Solid]:
+    """All walls of a storey: full-height parts, and what is below and above each opening."""
+    mould = Mould(layout, built, labels)
+    whole = (-OVERLAP, layout.height + OVERLAP)
+    solids = list(_cast_all(mould, layout.cut, whole, f"{prefix}wall"))
+    for k, (space, opening) in enumerate(_openings(layout)):
+        if opening.z_min >= THRESHOLD:
+            span = (-OVERLAP, opening.z_min)
+            solids += _cast_all(mould, space, span, f"{prefix}sill{k}")
+        if opening.z_max < layout.height - TOUCH:
+            span = (opening.z_max, layout.height + OVERLAP)
+            solids += _cast_all(mould, space, span, f"{prefix}lintel{k}")
+    return [solid for solid in solids if _thickness(solid) > THINNEST]
+
+
+def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:
+    """What each opening takes out of the walls, and out of no earlier opening."""
+    openings = layout.storey.openings
+    if not openings:
+        return
+    footprints = shapely.STRtree([opening.footprint for opening in openings])
+    polygons = shapely.STRtree(shapely.get_parts(layout.outline.solid))
+    for k, opening in enumerate(openings):
+        earlier = [openings[i].footprint for i in footprints.query(opening.footprint) if i < k]
+        own = opening.footprint.difference(shapely.union_all(earlier))
+        solid = shapely.union_all(polygons.geometries[polygons.query(own)])
+        space = shapely.remove_repeated_points(own.intersection(solid), TOUCH)
+        yield as_multipolygon(space), opening
+
+
+def _cast_all(
+    mould: Mould, polygons: MultiPolygon, z: tuple[float, float], name: str
+) -> Iterator[Solid]:
+    if polygons.is_empty:
+        return
+    convex = convex_parts(polygons)
+    for k, part in enumerate(convex.parts):
+        yield mould.cast(f"{name}_{k}", convex.points, part, z)
+
+
+def _thickness(solid: Solid) -> float:
+    """Smallest width of a solid in plan: twice its area over its longest extent."""
+    footprint = shapely.MultiPoint(solid.vertices[:, :2]).convex_hull
+    return float(2.0 * footprint.area / max(footprint.length, 1e-12)) if footprint.area else 0.0
