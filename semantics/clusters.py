@@ -22,7 +22,7 @@ class ClusterConfig:
     """
 
     room: float = 0.7
-    wall: float = 0.7
+    wall: float = 0.5
     certain: float = 0.99
     sides: int = 3
     open_side: float = np.radians(200.0)

@@ -31,7 +31,7 @@ class DetectorConfig:
 
 
 CONSERVATIVE = DetectorConfig()
-GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.4, wall=0.4))
+GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.4, wall=0.3))
 PRESETS = {"gnn": CONSERVATIVE, "gnn-greedy": GREEDY}
 
 

@@ -104,15 +104,13 @@ def _runs(plane: MapPlane, config: PreprocessConfig) -> Array:
     if not (np.isfinite(plane.points).all() and np.isfinite(plane.normal).all()):
         raise InputError(f"plane {plane.id}: coordinates that are not numbers")
     along = plane.points[:, :2] @ plane.axis
-    bins = np.floor(along / config.bin).astype(np.int64)
-    first = int(bins.min())
-    occupied = np.flatnonzero(np.bincount(bins - first) >= config.min_count) + first
-    if len(occupied) == 0:
+    along = np.sort(along)
+    bins = np.floor((along - along[0]) / config.bin).astype(np.int64)
+    kept = along[np.bincount(bins)[bins] >= config.min_count]
+    if len(kept) == 0:
         return np.zeros((0, 2))
-    breaks = np.flatnonzero(np.diff(occupied) * config.bin > config.gap)
-    low = occupied[np.append(0, breaks + 1)] * config.bin
-    high = (occupied[np.append(breaks, len(occupied) - 1)] + 1) * config.bin
-    runs = np.column_stack([np.maximum(low, along.min()), np.minimum(high, along.max())])
+    breaks = np.flatnonzero(np.diff(kept) > config.gap)
+    runs = np.column_stack([kept[np.append(0, breaks + 1)], kept[np.append(breaks, len(kept) - 1)]])
     return runs[runs[:, 1] - runs[:, 0] >= config.min_length]
 
 

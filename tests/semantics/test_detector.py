@@ -1,0 +1,89 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from houses import L_ROOM, TWO_ROOMS_AND_A_CORRIDOR, moved, view
+from shapely.geometry import Point, Polygon
+
+from semantics.detector import DetectorConfig, GnnDetector, make_detector
+from slam.core import InputError, MapView
+
+
+def planes_of(proposals):
+    return {frozenset(p.plane_id for p in room.pieces) for room in proposals.rooms}
+
+
+def walls_of(proposals):
+    return {frozenset(p.plane_id for p in wall.pieces) for wall in proposals.walls}
+
+
+ROOMS = {frozenset(range(4)), frozenset(range(4, 8)), frozenset(range(8, 12))}
+WALLS = {frozenset((1, 7)), frozenset((2, 8)), frozenset((6, 8))}
+
+
+def test_two_rooms_and_a_corridor_are_found_with_their_walls():
+    found = GnnDetector().update(view(TWO_ROOMS_AND_A_CORRIDOR))
+    assert planes_of(found) == ROOMS
+    assert walls_of(found) == WALLS
+    for room in found.rooms:
+        assert Polygon(room.polygon).contains(Point(room.centre))
+
+
+@pytest.mark.parametrize(("angle", "shift"), [(0.7, (0, 0)), (2.9, (100.0, -30.0))])
+def test_moving_the_map_moves_the_rooms_alike(angle, shift):
+    here = GnnDetector().update(view(TWO_ROOMS_AND_A_CORRIDOR))
+    there = GnnDetector().update(view(moved(TWO_ROOMS_AND_A_CORRIDOR, angle, shift)))
+    assert planes_of(there) == planes_of(here)
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, -s], [s, c]])
+    for a, b in zip(here.rooms, there.rooms, strict=True):
+        assert np.allclose(R @ a.centre + shift, b.centre, atol=0.15)
+
+
+def test_the_order_of_the_planes_does_not_matter():
+    order = np.random.default_rng(0).permutation(12).tolist()
+    found = GnnDetector().update(view(TWO_ROOMS_AND_A_CORRIDOR, order))
+    assert planes_of(found) == ROOMS
+    assert walls_of(found) == WALLS
+
+
+def test_an_l_shaped_room_is_one_room():
+    assert planes_of(GnnDetector().update(view(L_ROOM))) == {frozenset(range(6))}
+
+
+def test_ids_stay_from_one_update_to_the_next():
+    detector = GnnDetector()
+    first = detector.update(view(TWO_ROOMS_AND_A_CORRIDOR[:4]))
+    second = detector.update(view(TWO_ROOMS_AND_A_CORRIDOR))
+    assert [room.id for room in first.rooms] == [0]
+    assert next(r.id for r in second.rooms if 0 in {p.plane_id for p in r.pieces}) == 0
+    assert len(second.rooms) == 3
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_few_planes_make_no_room(count):
+    planes = view(TWO_ROOMS_AND_A_CORRIDOR).planes[:count]
+    assert GnnDetector().update(MapView(0.0, planes, [])).rooms == ()
+
+
+def test_identical_and_parallel_planes_make_no_room():
+    same = [((0.0, 0.0), (4.0, 0.0))] * 5
+    assert GnnDetector().update(view(same)).rooms == ()
+    parallel = [((0.0, float(k)), (4.0, float(k))) for k in range(8)]
+    assert GnnDetector().update(view(parallel)).rooms == ()
+
+
+def test_unknown_names_and_absent_weights_are_refused(tmp_path):
+    with pytest.raises(InputError, match="gnn-greedy"):
+        make_detector("gnm")
+    with pytest.raises(InputError, match="same_room.npz"):
+        GnnDetector(DetectorConfig(weights=tmp_path))
+
+
+def test_inference_loads_neither_worlds_nor_sim():
+    code = (
+        "import sys; from semantics.detector import GnnDetector; GnnDetector();"
+        "assert not [m for m in sys.modules if m.split('.')[0] in ('worlds', 'sim', 'eval')]"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from houses import TWO_ROOMS_AND_A_CORRIDOR, around, plane, view
+from shapely.geometry import LineString
+
+from semantics.preprocess import Preprocessor
+from slam.core import InputError, MapPlane
+
+
+def lengths(planes):
+    return sorted(np.round(Preprocessor()(planes).length, 1).tolist())
+
+
+def test_whole_planes_stay_whole():
+    pieces = Preprocessor()(view(TWO_ROOMS_AND_A_CORRIDOR).planes)
+    assert len(pieces) == 12
+    assert np.allclose(np.linalg.norm(pieces.normal, axis=1), 1.0)
+
+
+def test_a_plane_is_cut_where_a_wall_stands_on_its_front():
+    long = plane(0, ((0, 0), (10, 0)))
+    wall = [plane(1, ((5.0, 0.1), (5.0, 4.0))), plane(2, ((5.2, 4.0), (5.2, 0.1)))]
+    assert lengths([long, *wall]) == [3.9, 3.9, 4.8, 5.0]
+
+
+def test_a_wall_behind_does_not_cut():
+    long = plane(0, ((0, 0), (10, 0)))
+    behind = plane(1, ((5.0, -4.0), (5.0, -0.1)))
+    assert lengths([long, behind]) == [3.9, 10.0]
+
+
+def test_a_door_does_not_split_and_a_wide_opening_does():
+    door = [plane(0, ((0, 0), (3, 0))), plane(1, ((4, 0), (8, 0)))]
+    both = MapPlane(
+        0,
+        door[0].normal,
+        door[0].d,
+        np.vstack([p.points for p in door]),
+        np.arange(sum(len(p.points) for p in door)),
+        np.zeros(1, dtype=np.int64),
+    )
+    assert lengths([both]) == [8.0]
+    far = plane(1, ((5.5, 0), (8, 0)))
+    wide = MapPlane(
+        0,
+        door[0].normal,
+        door[0].d,
+        np.vstack([door[0].points, far.points]),
+        np.arange(len(door[0].points) + len(far.points)),
+        np.zeros(1, dtype=np.int64),
+    )
+    assert lengths([wide]) == [2.5, 3.0]
+
+
+def test_a_stray_point_does_not_move_an_end():
+    clean = plane(0, ((0, 0), (4, 0)))
+    points = np.vstack([clean.points, [30.0, 0.0, 1.0]])
+    ids = np.arange(len(points))
+    stray = MapPlane(0, clean.normal, clean.d, points, ids, np.zeros(1, dtype=np.int64))
+    assert lengths([stray]) == [4.0]
+
+
+def test_duplicates_go_but_both_faces_of_a_thin_wall_stay():
+    one = plane(0, ((0, 0), (4, 0)))
+    again = plane(1, ((0.5, 0.05), (3.5, 0.05)))
+    assert lengths([one, again]) == [4.0]
+    other_face = plane(1, ((4, -0.06), (0, -0.06)))
+    assert lengths([one, other_face]) == [4.0, 4.0]
+
+
+def test_pieces_lie_on_their_planes():
+    planes = view(around(1.0, 2.0, 5.0, 6.0)).planes
+    pieces = Preprocessor()(planes)
+    for place in range(len(pieces)):
+        own = next(p for p in planes if p.id == pieces.plane_id[place])
+        line = LineString(own.segment)
+        assert line.hausdorff_distance(LineString(pieces.segment[place])) < 0.15
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_planes(count):
+    assert len(Preprocessor()(view(around(0, 0, 4, 4)).planes[:count])) == count
+
+
+def test_planes_of_no_length_or_without_numbers():
+    point = MapPlane(
+        0,
+        np.array([0.0, 1.0, 0.0]),
+        0.0,
+        np.zeros((50, 3)),
+        np.arange(50),
+        np.zeros(1, dtype=np.int64),
+    )
+    assert len(Preprocessor()([point])) == 0
+    broken = MapPlane(
+        7,
+        np.array([0.0, 1.0, 0.0]),
+        0.0,
+        np.full((50, 3), np.nan),
+        np.arange(50),
+        np.zeros(1, dtype=np.int64),
+    )
+    with pytest.raises(InputError, match="plane 7"):
+        Preprocessor()([broken])
+
+
+def test_floors_and_ceilings_are_left_out():
+    level = MapPlane(
+        0,
+        np.array([0.0, 0.0, 1.0]),
+        0.0,
+        np.random.default_rng(0).uniform(0, 5, (100, 3)),
+        np.arange(100),
+        np.zeros(1, dtype=np.int64),
+    )
+    assert len(Preprocessor()([level])) == 0

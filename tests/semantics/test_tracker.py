@@ -1,0 +1,60 @@
+import numpy as np
+
+from semantics.tracker import RoomTracker, WallTracker
+from slam.core import PlanePiece, RoomProposal, WallProposal
+
+
+def piece(plane, low=0.0, high=4.0):
+    return PlanePiece(plane, np.array([[low, 0.0], [high, 0.0]]))
+
+
+def room(*planes):
+    return RoomProposal(-1, tuple(piece(p) for p in planes), None, np.zeros(2), 0.9)
+
+
+def ids(rooms):
+    return [r.id for r in rooms]
+
+
+def test_a_room_keeps_its_id_while_its_walls_change_a_little():
+    tracker = RoomTracker()
+    assert ids(tracker.update([room(0, 1, 2, 3)])) == [0]
+    assert ids(tracker.update([room(1, 2, 3, 7)])) == [0]
+    assert ids(tracker.update([room(9, 10, 11), room(1, 2, 3, 7)])) == [0, 1]
+
+
+def test_a_room_missed_once_is_kept_and_one_missed_for_long_is_not():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2)])
+    for _ in range(3):
+        assert ids(tracker.update([])) == [0]
+    assert tracker.update([]) == ()
+
+
+def test_a_room_whose_walls_another_one_takes_goes_at_once():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2), room(3, 4, 5)])
+    merged = tracker.update([room(0, 1, 2, 3, 4, 5)])
+    assert len(merged) == 1
+
+
+def test_pieces_of_one_plane_far_apart_are_different_rooms():
+    def part(low):
+        pieces = (piece(0, low, low + 3.0), piece(int(low) + 1))
+        return RoomProposal(-1, pieces, None, np.zeros(2), 0.9)
+
+    tracker = RoomTracker()
+    first = tracker.update([part(0.0)])
+    second = tracker.update([part(0.0), part(20.0)])
+    assert ids(first) == [0]
+    assert ids(second) == [0, 1]
+
+
+def test_walls_keep_their_ids_whichever_face_comes_first():
+    tracker = WallTracker()
+
+    def wall(a, b):
+        return WallProposal(-1, (piece(a), piece(b)), 0.9)
+
+    assert ids(tracker.update([wall(0, 1), wall(2, 3)])) == [0, 1]
+    assert ids(tracker.update([wall(3, 2), wall(1, 0), wall(4, 5)])) == [0, 1, 2]
