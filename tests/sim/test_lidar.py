@@ -1,0 +1,141 @@
+import mujoco
+import numpy as np
+import pytest
+from boxworld import flat
+
+from sim.base import base_poses
+from sim.caster import RayCaster
+from sim.lidar import Lidar
+from sim.motion import Motion
+from sim.sensor import sensor_named
+from slam.core import inverse, pose, so3_exp, transform_points
+from worlds.catalogue import load_scene
+from worlds.conditions import AS_BUILT
+from worlds.truth import FLOOR
+from worlds.world import build_world
+
+T_BASE_LIDAR = pose(np.eye(3), np.array([0.0, 0.0, 0.5]))
+STANDING = (2.0, 3.5, 0.4)
+
+
+def motion(start, end=None, period=0.1):
+    """From one (x, y, yaw) to another in one sweep."""
+    ends = np.array([start, end or start])
+    coordinates = np.linspace(*ends, 21)
+    flat_out = np.column_stack([coordinates, np.zeros((21, 3))])
+    return Motion(np.linspace(0.0, period, 21), base_poses(flat_out, 0.0))
+
+
+def sweep(sensor="ideal", moved=None, seed=0, world=None):
+    lidar = Lidar(
+        sensor_named(sensor),
+        RayCaster((world or flat()).mesh),
+        np.random.default_rng(seed),
+        T_BASE_LIDAR,
+    )
+    return lidar.sweep(0, 0.1, moved or motion(STANDING))
+
+
+def test_rays_hit_where_a_closed_form_says():
+    caster = RayCaster(flat().mesh)
+    origins = np.tile([2.0, 3.5, 0.5], (4, 1))
+    directions = np.array([[-1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0], [-0.6, 0.8, 0]])
+    hits = caster.cast(origins, directions)
+    assert hits.distance == pytest.approx([2.0, 2.2, 0.5, 2.75], abs=1e-6)
+    assert hits.face[2] == FLOOR
+
+
+def test_embree_and_mujoco_agree_on_an_as_built_building():
+    world = build_world(load_scene("SE1"), np.random.SeedSequence(3), AS_BUILT)
+    model = world.spec.copy().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    ids = np.array([model.geom(n).id for n in world.mesh.geom_names], dtype=np.int32)
+    caster = RayCaster(world.mesh, ids)
+    rng = np.random.default_rng(0)
+    rooms = [room.polygon.centroid.coords[0] for room in world.truth.rooms]
+    origins = np.array([[*rooms[k % len(rooms)], 0.5] for k in range(6000)])
+    directions = rng.normal(size=(6000, 3)) * [1.0, 1.0, 0.3]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    hits = caster.cast(origins, directions)
+    wrong = 0
+    for k in range(len(origins)):
+        geom = np.array([-1], dtype=np.int32)
+        distance = mujoco.mj_ray(model, data, origins[k], directions[k], None, 1, -1, geom)
+        wrong += abs(distance - hits.distance[k]) > 1e-3 or geom[0] != hits.geom[k]
+    assert wrong <= 1  # a ray within a millimetre of an edge
+
+
+def test_every_return_of_a_perfect_sensor_lies_on_its_face():
+    world = flat()
+    scan, truth = sweep(world=world)
+    assert len(scan) > 25_000
+    for face in world.truth.faces:
+        points = truth.points_world[truth.face == face.id]
+        assert np.abs(points @ face.normal + face.d).max(initial=0.0) < 1e-3
+    assert np.abs(truth.points_world[truth.face == FLOOR][:, 2]).max() < 1e-3
+
+
+def test_points_and_truth_are_of_the_same_returns():
+    scan, truth = sweep()
+    in_world = transform_points(truth.T_world_base @ T_BASE_LIDAR, scan.points)
+    assert np.abs(in_world - truth.points_world).max() < 1e-4
+    assert len(scan.times) == len(scan.ring) == len(scan.intensity) == len(truth.face)
+    assert ((scan.intensity >= 0.0) & (scan.intensity <= 1.0)).all()
+    assert (scan.times <= 0.0).all()
+    assert len(np.unique(scan.times)) > 20_000
+
+
+def test_a_sweep_cast_in_motion_is_straight_again_once_deskewed_with_the_truth():
+    start, end = (1.5, 3.2, 0.2), (1.56, 3.22, 0.32)
+    scan, truth = sweep(moved=motion(start, end))
+    fraction = 1.0 + scan.times / 0.1
+    x, y, yaw = (np.array(start)[:, None] + np.subtract(end, start)[:, None] * fraction).tolist()
+    zeros = np.zeros(len(scan))
+    poses = base_poses(np.column_stack([x, y, yaw, zeros, zeros, zeros]), 0.0)
+    in_base = scan.points + T_BASE_LIDAR[:3, 3]
+    in_world = np.einsum("nij,nj->ni", poses[:, :3, :3], in_base) + poses[:, :3, 3]
+    assert np.abs(in_world - truth.points_world).max() < 1e-3
+    skewed = transform_points(truth.T_world_base @ T_BASE_LIDAR, scan.points)
+    assert np.abs(skewed - truth.points_world).max() > 0.05
+
+
+def test_the_noise_is_what_the_preset_says():
+    sensor = sensor_named("vlp16")
+    lidar = Lidar(sensor, RayCaster(flat().mesh), np.random.default_rng(0), T_BASE_LIDAR)
+    sweeps = [lidar.sweep(k, 0.1, motion(STANDING)) for k in range(20)]
+    for ring in range(16):
+        errors, shots = [], 0
+        for scan, truth in sweeps:
+            mine = scan.ring == ring
+            origin = transform_points(truth.T_world_base, T_BASE_LIDAR[:3, 3])
+            world = flat()
+            away = truth.points_world[mine] - origin
+            rays = away / np.linalg.norm(away, axis=1, keepdims=True)
+            exact = RayCaster(world.mesh).cast(np.tile(origin, (len(rays), 1)), rays).distance
+            errors.append(np.linalg.norm(away, axis=1) - exact)
+            shots += mine.sum()
+        error = np.concatenate(errors)
+        assert np.median(error) == pytest.approx(sensor.range_offsets[ring], abs=0.003)
+        spread = 1.4826 * np.median(np.abs(error - np.median(error)))
+        assert spread == pytest.approx(sensor.range_noise[ring], rel=0.1)
+        kept = shots / (20 * sensor.columns)
+        assert kept <= 1.0 - sensor.dropout[ring] + 0.02
+        assert kept > 0.55
+
+
+def test_the_same_generator_gives_the_same_sweep():
+    one, two, other = sweep("vlp16", seed=1), sweep("vlp16", seed=1), sweep("vlp16", seed=2)
+    assert np.array_equal(one[0].points, two[0].points)
+    assert len(one[0]) != len(other[0]) or not np.array_equal(one[0].points, other[0].points)
+
+
+def test_a_tilted_base_sees_a_tilted_floor():
+    tilt = so3_exp(np.array([0.02, 0.0, 0.0]))
+    T = pose(tilt, np.array([2.0, 3.5, 0.0]))
+    still = Motion(np.array([0.0, 0.1]), np.stack([T, T]))
+    scan, truth = sweep(moved=still)
+    floor = transform_points(T_BASE_LIDAR, scan.points[truth.face == FLOOR])
+    assert np.abs(transform_points(T, floor)[:, 2]).max() < 1e-3
+    assert np.ptp(floor[:, 2]) > 0.02
+    assert np.allclose(inverse(T) @ T, np.eye(4))
