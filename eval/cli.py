@@ -129,8 +129,8 @@ def run(
 @app.command()
 def train(
     seed: Annotated[int, Option(help="Of the training set and of the weights.")] = 0,
-    layouts: Annotated[int, Option(help="Buildings in the training set.")] = 800,
-    epochs: Annotated[int, Option(help="Passes over the training set.")] = 35,
+    layouts: Annotated[int, Option(help="Buildings in the training set.")] = 1200,
+    epochs: Annotated[int, Option(help="Passes over the training set.")] = 18,
     out: Annotated[
         Path | None, Option(help="Where the weights go (default: those that the detector uses).")
     ] = None,

@@ -32,8 +32,8 @@ class DatasetConfig:
     room in a room; join [m]: gap over which coplanar faces become one plane; spacing [m] of points.
     """
 
-    layouts: int = 800
-    views: int = 3
+    layouts: int = 1200
+    views: int = 2
     drop: float = 0.04
     glimpse: float = 0.45
     trim: float = 0.15

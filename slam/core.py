@@ -95,6 +95,21 @@ def so3_exp(rotation_vectors: Array) -> Array:
     return np.eye(3) + a * K + b * (K @ K)
 
 
+def rotate(rotation_vectors: Array, points: Array) -> Array:
+    """Each of the points (N, 3) turned by its own rotation vector (N, 3) [rad]; no matrices."""
+    angle2 = np.einsum("ni,ni->n", rotation_vectors, rotation_vectors)
+    angle = np.sqrt(angle2)
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0, np.sin(safe) / safe)[:, None]
+    b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)[:, None]
+    x, y, z = rotation_vectors.T
+    px, py, pz = points.T
+    turned = np.stack([y * pz - z * py, z * px - x * pz, x * py - y * px], axis=1)
+    along = np.einsum("ni,ni->n", rotation_vectors, points)[:, None]
+    return points + a * turned + b * (along * rotation_vectors - angle2[:, None] * points)
+
+
 def so3_log(rotation: Array) -> Array:
     """Rotation vector (3,) [rad] of a rotation matrix, angle in [0, pi]."""
     return quaternion_log(quaternion_xyzw(rotation))

@@ -46,7 +46,7 @@ class ExtractionConfig:
     min_length: float = 0.35
     point_sigma: float = 0.015
     beam_sigma: float = 0.015
-    plumb_sigma: float = np.radians(3.0)
+    plumb_sigma: float = np.radians(1.0)
     level_sigma: float = np.radians(2.0)
     motion_sigma: float = 0.002
     floor_distance: float = 0.06

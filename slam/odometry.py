@@ -13,7 +13,7 @@ from slam.core import (
     Scan,
     inverse,
     orthonormal,
-    so3_exp,
+    rotate,
     so3_log,
     transform_points,
 )
@@ -113,7 +113,7 @@ def deskew(scan: Scan, ends: Sequence[Stamped]) -> Array:
     T_last_now = inverse(T_last) @ T_now
     elapsed = (1.0 + scan.times / (stamp - stamp_last))[:, None]
     way = elapsed * _twist(T_last_now)
-    moved = np.einsum("nij,nj->ni", so3_exp(way[:, :3]), points_base) + way[:, 3:]
+    moved = rotate(way[:, :3], points_base) + way[:, 3:]
     return transform_points(inverse(T_last_now), moved)
 
 

@@ -28,26 +28,30 @@ from slam.core import (
 )
 from slam.odometry import Stamped, deskew
 
+Sigmas = tuple[float, float, float, float, float, float]
+
 
 @dataclass(frozen=True)
 class TrackingConfig:
     """points: how many returns of a scan are used; gates [m]: largest distance to a plane, one per
     iteration, and level_gate for floors and ceilings; margin [m]: how far beyond its extent a plane
     is believed in; point_sigma [m]: of a return, plane_sigma [m]: of a plane, however many returns
-    lie on it; prior_*: of the predicted pose, which has heading and place from the
-    odometry, tilt and height from the last scan; keep: keyframes after
+    lie on it; *_sigma: how far (turns about x, y, z [rad], shifts along x, y, z [m]) the
+    pose at the sweep's end may lie from the odometry's, that at its start from the last sweep's
+    end, and the motion between them from that of the last sweep; keep: keyframes after
     which an unseen plane is forgotten; match_*: an observation is of a known plane within these;
     observed_*: added to an observation's own standard deviations, for the pose it was seen from.
     """
 
-    points: int = 2500
+    points: int = 5000
     gates: tuple[float, ...] = (0.20, 0.10, 0.06)
     level_gate: float = 0.04
     margin: float = 0.2
     point_sigma: float = 0.02
     plane_sigma: float = 0.004
-    prior_rotation: tuple[float, float, float] = (0.007, 0.007, 0.0175)
-    prior_translation: tuple[float, float, float] = (0.03, 0.03, 0.01)
+    odometry_sigma: Sigmas = (0.007, 0.007, 0.05, 0.05, 0.05, 0.01)
+    last_sigma: Sigmas = (0.003, 0.003, 0.003, 0.01, 0.01, 0.005)
+    motion_sigma: Sigmas = (0.004, 0.004, 0.015, 0.008, 0.008, 0.003)
     keep: int = 40
     match_angle: float = np.radians(5.0)
     match_distance: float = 0.10
@@ -77,15 +81,20 @@ class PlaneTracker:
         self._planes: list[_LocalPlane] = []
         self._T_track_odom = np.eye(4)
         self._ends: list[Stamped] = []
+        self._motion = np.eye(4)
         self._keyframes = 0
 
     def track(self, scan: Scan, T_odom_base: Array) -> Array:
         """T_track_base (4, 4) at the sweep's end."""
         T = self._T_track_odom @ T_odom_base
-        if self._planes:
-            T = self._refine(scan, _kept_level(self._ends[-1][1], T))
+        if self._ends:
+            stamp, T_last = self._ends[-1]
+            start, T = self._refine(scan, stamp, T_last, _kept_level(T_last, T))
+            self._motion = orthonormal(inverse(start) @ T)
+            self._ends = [(stamp, start), (scan.stamp, T)]
+        else:
+            self._ends = [(scan.stamp, T)]
         self._T_track_odom = orthonormal(T @ inverse(T_odom_base))
-        self._ends = [*self._ends[-1:], (scan.stamp, T)]
         return T
 
     def deskew(self, scan: Scan) -> Array:
@@ -102,20 +111,31 @@ class PlaneTracker:
 
     # --- the pose ---
 
-    def _refine(self, scan: Scan, T: Array) -> Array:
-        """Gauss-Newton on point-to-plane distances; correspondences are renewed at each step."""
+    def _refine(
+        self, scan: Scan, stamp: float, T_last: Array, T_odom: Array
+    ) -> tuple[Array, Array]:
+        """T_track_base at the sweep's start and at its end.
+
+        Both are free: a start that is held where the last sweep ended makes every error return with
+        the other sign in the next sweep. Gauss-Newton; correspondences are renewed at each step.
+        """
         config = self._config
+        steady = T_last @ self._motion
+        start, end = T_last, steady
+        if not self._planes:
+            return T_last, T_odom
         sample = _sample(scan, config.points)
-        predicted = T
+        elapsed = 1.0 + sample.times / (scan.stamp - stamp)
         for gate in config.gates:
-            points = deskew(sample, [*self._ends[-1:], (scan.stamp, T)])
-            moved = transform_points(T, points)
-            origin = transform_points(T, scan.T_base_lidar[:3, 3])
+            points = deskew(sample, [(stamp, start), (scan.stamp, end)])
+            moved = transform_points(end, points)
+            origin = transform_points(end, scan.T_base_lidar[:3, 3])
             which, distance = self._correspond(moved, origin, gate)
-            if len(which) == 0:
-                return predicted
-            T = self._step(T, predicted, moved, which, distance)
-        return orthonormal(T)
+            normal_equations = self._prior(start, end, T_last, steady, T_odom)
+            self._add_points(normal_equations, end, moved, which, distance, elapsed)
+            step = normal_equations.solve()
+            start, end = _moved(start, step[:6]), _moved(end, step[6:])
+        return orthonormal(start), orthonormal(end)
 
     def _correspond(self, points: Array, origin: Array, gate: float) -> tuple[IntArray, Array]:
         """For each point the place of its plane or -1, and its distance [m] from that plane."""
@@ -142,27 +162,39 @@ class PlaneTracker:
         which = np.where(unique, fits.argmax(axis=1), -1)
         return which, distance[np.arange(len(points)), which]
 
-    def _step(
-        self, T: Array, predicted: Array, points: Array, which: IntArray, distance: Array
-    ) -> Array:
-        """One Gauss-Newton step; motion about the base, in the tracker's axes."""
+    def _prior(
+        self, start: Array, end: Array, T_last: Array, steady: Array, T_odom: Array
+    ) -> _NormalEquations:
+        """What is known of both poses before the points are looked at."""
+        config = self._config
+        equations = _NormalEquations(np.zeros((12, 12)), np.zeros(12))
+        one, none = np.eye(6), np.zeros((6, 6))
+        start_off, end_off = _apart(start, T_last), _apart(end, steady)
+        equations.add(np.hstack([none, one]), _apart(end, T_odom), config.odometry_sigma)
+        equations.add(np.hstack([one, none]), start_off, config.last_sigma)
+        equations.add(np.hstack([-one, one]), end_off - start_off, config.motion_sigma)
+        return equations
+
+    def _add_points(
+        self,
+        equations: _NormalEquations,
+        end: Array,
+        points: Array,
+        which: IntArray,
+        distance: Array,
+        elapsed: Array,
+    ) -> None:
+        """Distances of points from their planes; each moves with both poses, by its time."""
         config = self._config
         used = np.flatnonzero(which >= 0)
-        if len(used) < 50:
-            return T
         count = np.bincount(which[used], minlength=len(self._planes))
         normal = np.array([plane.normal for plane in self._planes])[which[used]]
-        arm = points[used] - T[:3, 3]
-        jacobian = np.hstack([np.cross(arm, normal), normal])
-        variance = config.point_sigma**2 + count[which[used]] * config.plane_sigma**2
-        weight = 1.0 / variance
-        sigma = np.array([*config.prior_rotation, *config.prior_translation])
-        information = (jacobian * weight[:, None]).T @ jacobian + np.diag(sigma**-2.0)
-        away = T @ inverse(predicted)
-        gone = np.append(_small_rotation(away[:3, :3]), T[:3, 3] - predicted[:3, 3])
-        right = -(jacobian * weight[:, None]).T @ distance[used] - gone / sigma**2
-        step = np.linalg.solve(information, right)
-        return pose(so3_exp(step[:3]) @ T[:3, :3], T[:3, 3] + step[3:])
+        row = np.hstack([np.cross(points[used] - end[:3, 3], normal), normal])
+        late = elapsed[used][:, None]
+        jacobian = np.hstack([(1.0 - late) * row, late * row])
+        weight = 1.0 / (config.point_sigma**2 + count[which[used]] * config.plane_sigma**2)
+        equations.information += (jacobian * weight[:, None]).T @ jacobian
+        equations.right -= (jacobian * weight[:, None]).T @ distance[used]
 
     # --- the planes ---
 
@@ -202,7 +234,7 @@ class PlaneTracker:
 def _sample(scan: Scan, count: int) -> Scan:
     """Every so-manieth return, beams and azimuths evenly."""
     use = np.flatnonzero(np.einsum("ni,ni->n", scan.points, scan.points) < 20.0**2)
-    use = use[:: max(1, len(use) // count)]
+    use = use[:: max(1, len(use) // count) | 1]  # odd: an even step would leave out beams
     return Scan(
         scan.index,
         scan.stamp,
@@ -221,15 +253,36 @@ def _kept_level(T_last: Array, T: Array) -> Array:
     return pose(turn @ T_last[:3, :3], np.array([T[0, 3], T[1, 3], T_last[2, 3]]))
 
 
-def _small_rotation(rotation: Array) -> Array:
-    """Rotation vector (3,) of a rotation by a few degrees."""
-    return 0.5 * np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
+@dataclass
+class _NormalEquations:
+    """information (12, 12) x step = right (12,), the step of start and end."""
+
+    information: Array
+    right: Array
+
+    def add(self, jacobian: Array, residual: Array, sigma: Sigmas) -> None:
+        """A residual (6,) with derivative (6, 12) and standard deviations."""
+        weighted = jacobian / np.square(sigma)[:, None]
+        self.information += weighted.T @ jacobian
+        self.right -= weighted.T @ residual
+
+    def solve(self) -> Array:
+        """The step (12,)."""
+        return np.asarray(np.linalg.solve(self.information, self.right), dtype=np.float64)
+
+
+def _moved(T: Array, step: Array) -> Array:
+    """A pose turned about its own place, in the tracker's axes, and shifted."""
+    return pose(so3_exp(step[:3]) @ T[:3, :3], T[:3, 3] + step[3:])
+
+
+def _apart(T: Array, other: Array) -> Array:
+    """(6,) the step that takes ``other`` to T, for turns of a few degrees."""
+    turn = T[:3, :3] @ other[:3, :3].T
+    vee = 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
     )
+    return np.append(vee, T[:3, 3] - other[:3, 3])
 
 
 def _grown(interval: Array, values: Array) -> Array:

@@ -8,7 +8,7 @@ from semantics.proximity import ProximityGraph
 from semantics.train import TrainConfig, train
 from slam.core import InputError
 
-CONFIG = NetworkConfig("same_room", "invariant", 2, 14)
+CONFIG = NetworkConfig("same_room", "invariant", 1, 14)
 
 
 def random_graph(nodes, edges, seed=0):
@@ -16,7 +16,7 @@ def random_graph(nodes, edges, seed=0):
     i = rng.integers(0, nodes, edges)
     j = (i + rng.integers(1, nodes, edges)) % nodes
     return ProximityGraph(
-        rng.normal(size=(nodes, 2)),
+        rng.normal(size=(nodes, 1)),
         np.concatenate([i, j]),
         np.concatenate([j, i]),
         rng.normal(size=(2 * edges, 14)),

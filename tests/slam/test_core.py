@@ -13,6 +13,7 @@ from slam.core import (
     point_ids,
     pose,
     quaternion_xyzw,
+    rotate,
     rotation_from_quaternion_xyzw,
     so3_exp,
     so3_log,
@@ -39,6 +40,12 @@ def test_log_is_scipys_rotation_vector(v):
     assert np.allclose(so3_exp(so3_log(rotation.as_matrix())), rotation.as_matrix(), atol=1e-9)
     if np.linalg.norm(v) < 3.1:
         assert np.allclose(so3_log(rotation.as_matrix()), v, atol=1e-7)
+
+
+@given(vectors, vectors)
+def test_turning_a_point_is_multiplying_it(v, p):
+    assert np.allclose(rotate(v[None], p[None])[0], so3_exp(v) @ p, atol=1e-12)
+    assert np.allclose(rotate(np.zeros((1, 3)), p[None])[0], p)
 
 
 @given(vectors)
