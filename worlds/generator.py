@@ -55,6 +55,18 @@ class GeneratorConfig:
 def random_plan(rng: np.random.Generator, config: GeneratorConfig | None = None) -> Plan:
     """One valid random building, a single storey; rooms are clear polygons, nothing overlaps."""
     config = config or GeneratorConfig()
+    while True:
+        plan = _drawn(rng, config)
+        # Carving, joining and chamfering one room can, once in thousands, pinch it off.
+        if all(shape.is_valid for shape in _shapes(plan.storeys[0])):
+            return plan
+
+
+def _shapes(storey: Storey) -> list[Polygon | MultiPolygon]:
+    return [storey.walls, *(room.outline for room in storey.rooms)]
+
+
+def _drawn(rng: np.random.Generator, config: GeneratorConfig) -> Plan:
     kind = str(rng.choice(config.kinds))
     thickness = float(rng.uniform(*config.thickness))
     rects, corridors = _KINDS[kind](rng, config, thickness)

@@ -168,7 +168,8 @@ def test_as_built_departs_from_the_plan_by_what_it_says():
         built = build_world(plan, np.random.SeedSequence(seed), AS_BUILT).truth
         for a in ideal.faces:
             b = _same_face(a, built)
-            turns.append(np.degrees(np.arcsin(np.cross(a.normal[:2], b.normal[:2]))))
+            sine = a.normal[0] * b.normal[1] - a.normal[1] * b.normal[0]
+            turns.append(np.degrees(np.arcsin(sine)))
             middle = np.append(a.segment.mean(axis=0), 1.3)
             shifts.append(b.normal @ middle + b.d)
     assert np.std(turns) == pytest.approx(0.15, rel=0.25)
@@ -237,7 +238,7 @@ def test_any_plan_can_be_built_and_its_truth_is_consistent(seed):
 
 
 def test_the_generator_draws_valid_buildings():
-    for seed in range(30):
+    for seed in (*range(30), 34363):  # the last one drew a room that crossed itself
         (storey,) = random_plan(np.random.default_rng(seed)).storeys
         outlines = [room.outline for room in storey.rooms]
         assert all(outline.is_valid and outline.area > 1.0 for outline in outlines)
