@@ -23,8 +23,8 @@ Progress = Callable[[str, float], None]
 @dataclass(frozen=True)
 class TrainConfig:
     """epochs: passes over the training set (the paper's 35 overfit here); rate: of Adam, lowered
-    along a half cosine; batch: graphs per step; validation: share of the layouts that is held out; threads: of
-    torch; folder: where the weights go.
+    along a half cosine; batch: graphs per step; validation: share of the samples that is held out;
+    threads: of torch; folder: where the weights go.
     """
 
     dataset: DatasetConfig = field(default_factory=DatasetConfig)
