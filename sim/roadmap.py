@@ -67,7 +67,7 @@ def build_roadmap(graph: csr_matrix, places: IntArray) -> Roadmap:
     )
     place_of = np.full(graph.shape[0], -1, dtype=np.int64)
     place_of[places] = np.arange(len(places))
-    region = np.where(source >= 0, place_of[source], -1)
+    region = np.where(source >= 0, place_of[np.maximum(source, 0)], -1)
     edges = graph.tocoo()
     a, b = edges.row, edges.col
     border = (region[a] >= 0) & (region[a] < region[b])

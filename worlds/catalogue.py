@@ -13,9 +13,10 @@ import shapely
 from shapely.geometry import Polygon
 
 from slam.core import InputError
+from worlds.floorplan import floorplan, is_floorplan
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
-from worlds.planfile import read_plan
+from worlds.planfile import checked_json, plan_of
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
@@ -73,8 +74,11 @@ def _nearest(name: str) -> str:
 
 
 def load_scene(name_or_path: str) -> Plan:
-    """The plan of a scene's name or of a path. Raises InputError for what cannot be read."""
-    return read_plan(scene_path(name_or_path))
+    """The plan of a scene's name or of a path: our plan file, or a floor-plan JSON. Raises
+    InputError for what cannot be read."""
+    path = scene_path(name_or_path)
+    root = checked_json(path)
+    return floorplan(root, path) if is_floorplan(root) else plan_of(root, path)
 
 
 def file_sha256(path: Path) -> str:

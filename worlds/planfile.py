@@ -43,8 +43,18 @@ MAX_OVERLAP = 0.02
 
 def read_plan(path: Path) -> Plan:
     """The plan in a file. Raises InputError that names file, field and what was expected."""
+    return plan_of(checked_json(path), path)
+
+
+def checked_json(path: Path) -> Field:
+    """The root of a JSON file that is no larger than a building's. Raises InputError."""
     root = read_json(path)
     _check_size(root)
+    return root
+
+
+def plan_of(root: Field, path: Path) -> Plan:
+    """The plan in a parsed file of our own format."""
     top = root.members(("format", "storeys"), ("name", "notes"))
     top["format"].choice((FORMAT,))
     storeys = top["storeys"].items()
