@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,14 +40,6 @@ class Cluster:
 
     members: IntArray
     confidence: float
-
-
-def rooms_of(
-    pieces: Pieces, pairs: IntArray, probability: Array, config: ClusterConfig
-) -> list[Cluster]:
-    """Clusters that can be rooms. pairs: (P, 2) i < j, probability: (P,) of being in one room."""
-    clusters = agglomerate(len(pieces), pairs, probability, config)
-    return [cluster for cluster in clusters if is_room(pieces.take(cluster.members), config)]
 
 
 def agglomerate(
@@ -137,25 +130,45 @@ def _corridor(pieces: Pieces, config: ClusterConfig) -> bool:
 
 
 def walls_of(
-    pieces: Pieces, pairs: IntArray, probability: Array, config: ClusterConfig
+    pieces: Pieces,
+    pairs: IntArray,
+    probability: Array,
+    clusters: Sequence[Cluster],
+    config: ClusterConfig,
 ) -> list[tuple[int, int, float]]:
     """(i, j, confidence) of pairs that are two faces of a wall: likely, back to back, and not far.
 
-    A long face may have a wall with each of several rooms behind it.
+    A long face may have a wall with each of several rooms behind it; but what one room has of a
+    plane is one face, in however many pieces: of those the pair with most in common stands for all.
     """
     if len(pairs) == 0:
         return []
+    common = _back_to_back(pieces, pairs, config)
+    good = np.flatnonzero((common > config.wall_overlap) & (probability > config.wall))
+    cluster = np.zeros(len(pieces), dtype=np.int64)
+    for number, group in enumerate(clusters):
+        cluster[group.members] = number
+    best: dict[frozenset[tuple[int, int]], int] = {}
+    for p in good[np.argsort(-common[good], kind="stable")].tolist():
+        faces = frozenset((int(pieces.plane_id[k]), int(cluster[k])) for k in pairs[p])
+        best.setdefault(faces, p)
+    return [
+        (int(pairs[p, 0]), int(pairs[p, 1]), float(probability[p])) for p in sorted(best.values())
+    ]
+
+
+def _back_to_back(pieces: Pieces, pairs: IntArray, config: ClusterConfig) -> Array:
+    """(P,) length that two pieces have in common across a wall body [m]; 0 where there is none."""
     i, j = pairs.T
     normal = pieces.normal
     opposed = np.einsum("pc,pc->p", normal[i], normal[j]) < -np.cos(config.wall_angle)
     away = pieces.centre[j] - pieces.centre[i]
     depth_i = -np.einsum("pc,pc->p", away, normal[i])
     depth_j = np.einsum("pc,pc->p", away, normal[j])
-    depth = np.minimum(depth_i, depth_j), np.maximum(depth_i, depth_j)
-    near = (depth[0] > config.wall_gap[0]) & (depth[1] < config.wall_gap[1])
+    low, high = config.wall_gap
+    near = (np.minimum(depth_i, depth_j) > low) & (np.maximum(depth_i, depth_j) < high)
     axis = np.column_stack([-normal[:, 1], normal[:, 0]])[i]
     along_i = np.sort(np.einsum("pkc,pc->pk", pieces.segment[i], axis), axis=1)
     along_j = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], axis), axis=1)
     common = np.minimum(along_i[:, 1], along_j[:, 1]) - np.maximum(along_i[:, 0], along_j[:, 0])
-    good = opposed & near & (common > config.wall_overlap) & (probability > config.wall)
-    return [(int(i[p]), int(j[p]), float(probability[p])) for p in np.flatnonzero(good)]
+    return np.where(opposed & near, np.maximum(common, 0.0), 0.0)

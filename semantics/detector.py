@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semantics.clusters import ClusterConfig, rooms_of, walls_of
+from semantics.clusters import Cluster, ClusterConfig, agglomerate, is_room, walls_of
 from semantics.outline import room_outline
 from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor
 from semantics.proximity import features_named, proximity_graph
@@ -56,24 +57,29 @@ class GnnDetector:
     def update(self, view: MapView) -> Proposals:
         """All rooms and walls of the map as it is now. Raises InputError for broken planes."""
         pieces = self._preprocess(view.planes)
-        rooms = self._find_rooms(pieces)
-        walls = self._find_walls(pieces)
+        pairs, probability = self._room_edges(pieces)
+        clusters = agglomerate(len(pieces), pairs, probability, self._config.clusters)
+        rooms = self._find_rooms(pieces, clusters)
+        walls = self._find_walls(pieces, clusters)
         return Proposals(self._rooms.update(rooms), self._walls.update(walls))
 
-    def _find_rooms(self, pieces: Pieces) -> list[RoomProposal]:
-        pairs, probability = self._room_edges(pieces)
+    def _find_rooms(self, pieces: Pieces, clusters: Sequence[Cluster]) -> list[RoomProposal]:
         found = []
-        for cluster in rooms_of(pieces, pairs, probability, self._config.clusters):
-            polygon, centre = room_outline(pieces.take(cluster.members))
+        for cluster in clusters:
+            sides = pieces.take(cluster.members)
+            if not is_room(sides, self._config.clusters):
+                continue
+            polygon, centre = room_outline(sides)
             members = tuple(pieces.piece(int(place)) for place in cluster.members)
             found.append(RoomProposal(-1, members, polygon, centre, cluster.confidence))
         return found
 
-    def _find_walls(self, pieces: Pieces) -> list[WallProposal]:
+    def _find_walls(self, pieces: Pieces, clusters: Sequence[Cluster]) -> list[WallProposal]:
         pairs, probability = self._wall_edges(pieces)
+        found = walls_of(pieces, pairs, probability, clusters, self._config.clusters)
         return [
             WallProposal(-1, (pieces.piece(i), pieces.piece(j)), confidence)
-            for i, j, confidence in walls_of(pieces, pairs, probability, self._config.clusters)
+            for i, j, confidence in found
         ]
 
 

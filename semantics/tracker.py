@@ -92,7 +92,8 @@ class WallTracker:
         kept = {}
         for name, wall in free.items():
             missed = self._missed.get(name, 0) + 1
-            if missed <= self._config.patience:
+            replaced = any(_same_wall(wall, other) for other in named.values())
+            if missed <= self._config.patience and not replaced:
                 kept[name] = wall
                 self._missed[name] = missed
         self._missed = {name: self._missed[name] for name in kept}

@@ -34,12 +34,12 @@ class AssociationConfig:
     kept, and coarse_voxel of those that a detector is shown.
     """
 
-    angle: float = np.radians(5.0)
-    distance: float = 0.15
+    angle: float = np.radians(2.5)
+    distance: float = 0.08
     sigmas: float = 3.0
     reach: float = 1.0
-    merge_angle: float = np.radians(2.0)
-    merge_distance: float = 0.06
+    merge_angle: float = np.radians(1.5)
+    merge_distance: float = 0.04
     voxel: float = 0.05
     coarse_voxel: float = 0.1
 

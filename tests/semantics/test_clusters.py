@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from houses import L_ROOM, around, view
@@ -5,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from semantics.clusters import ClusterConfig, agglomerate, is_room, walls_of
+from semantics.clusters import Cluster, ClusterConfig, agglomerate, is_room, walls_of
 from semantics.outline import room_outline
 from semantics.preprocess import Preprocessor
 
@@ -94,7 +96,19 @@ def test_a_wall_needs_two_faces_back_to_back_and_near():
     }
     for name, (other, expected) in cases.items():
         pieces = pieces_of([face, other])
-        found = walls_of(pieces, np.array([[0, 1]]), np.array([0.99]), CONFIG)
+        found = walls_of(pieces, np.array([[0, 1]]), np.array([0.99]), [], CONFIG)
         assert len(found) == expected, name
     pieces = pieces_of([face, cases["back to back"][0]])
-    assert walls_of(pieces, np.array([[0, 1]]), np.array([0.1]), CONFIG) == []
+    assert walls_of(pieces, np.array([[0, 1]]), np.array([0.1]), [], CONFIG) == []
+
+
+def test_a_face_in_two_pieces_makes_one_wall_and_two_rooms_behind_it_make_two():
+    long = ((0.0, 0.0), (8.0, 0.0))
+    behind = [((8.0, -0.2), (5.0, -0.2)), ((4.0, -0.2), (0.0, -0.2))]
+    pieces = pieces_of([long, *behind])
+    pieces = replace(pieces, plane_id=np.array([0, 1, 1]))
+    pairs, sure = np.array([[0, 1], [0, 2]]), np.array([0.9, 0.9])
+    one_room = [Cluster(np.array([0]), 0.9), Cluster(np.array([1, 2]), 0.9)]
+    assert walls_of(pieces, pairs, sure, one_room, CONFIG) == [(0, 2, 0.9)]
+    two_rooms = [Cluster(np.array([k]), 0.9) for k in range(3)]
+    assert len(walls_of(pieces, pairs, sure, two_rooms, CONFIG)) == 2

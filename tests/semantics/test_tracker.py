@@ -58,3 +58,13 @@ def test_walls_keep_their_ids_whichever_face_comes_first():
 
     assert ids(tracker.update([wall(0, 1), wall(2, 3)])) == [0, 1]
     assert ids(tracker.update([wall(3, 2), wall(1, 0), wall(4, 5)])) == [0, 1, 2]
+
+
+def test_a_wall_that_another_one_covers_is_given_up_at_once():
+    tracker = WallTracker()
+    halves = [
+        WallProposal(-1, (piece(0, 0.0, 2.0), piece(1)), 0.9),
+        WallProposal(-1, (piece(0, 2.0, 4.0), piece(1)), 0.9),
+    ]
+    assert len(tracker.update(halves)) == 2
+    assert len(tracker.update([WallProposal(-1, (piece(0), piece(1)), 0.9)])) == 1
