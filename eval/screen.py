@@ -73,7 +73,7 @@ class RunProgress:
             self._say(f"{self._title}: {say}")
 
     def _say(self, line: str) -> None:
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+        _line(self._console, line)
 
 
 class _WarningLines(logging.Handler):
@@ -85,7 +85,7 @@ class _WarningLines(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         line = f"roomloop: {record.levelname.lower()}: {record.getMessage()}"
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+        _line(self._console, line)
 
 
 def our_warnings_only(console: Console) -> None:
@@ -122,21 +122,17 @@ def counts_table(scenes: Sequence[SceneCounts]) -> Table:
 
 
 def summary_table(metrics: Metrics) -> Table:
-    """What a run scored, in five lines."""
-    m = metrics
-    table = Table(
-        title=f"{m.scene}, {m.detector}, seed {m.seed}: {m.status}",
-        title_justify="left",
-        box=SIMPLE_HEAD,
-    )
-    for column in ("", "precision", "recall", "beside them"):
-        table.add_column(column, justify="right" if column in ("precision", "recall") else "left")
-    rooms, walls = m.rooms, m.walls
+    """What a run scored, in six lines."""
+    m, rooms, walls = metrics, metrics.rooms, metrics.walls
+    table = Table("", box=SIMPLE_HEAD)
+    table.add_column("precision", justify="right")
+    table.add_column("recall", justify="right")
+    table.add_column("")
     table.add_row(
         "rooms",
         _number(rooms.precision, "{:.2f}"),
         _number(rooms.recall, "{:.2f}"),
-        f"{_number(rooms.true_positive, '{:g}')} right of {_number(rooms.detected, '{:g}')} found, "
+        f"{_number(rooms.true_positive, '{:g}')} of {_number(rooms.detected, '{:g}')} right, "
         f"{_number(rooms.entered)} of {_number(rooms.truth)} entered, "
         f"IoU {_number(rooms.mean_iou, '{:.2f}')}",
     )
@@ -144,30 +140,26 @@ def summary_table(metrics: Metrics) -> Table:
         "walls",
         _number(walls.precision, "{:.2f}"),
         _number(walls.recall, "{:.2f}"),
-        f"{_number(walls.true_positive)} right of {_number(walls.detected)} found, "
-        f"{_number(walls.truth)} count",
+        f"{_number(walls.true_positive)} of {_number(walls.detected)} right, "
+        f"{_number(walls.truth)} to be found",
     )
-    table.add_section()
-    table.add_row(
-        "trajectory", "", "", f"ATE {_cm(m.ate_m)}, odometry alone {_cm(m.ate_odometry_m)}"
-    )
-    mma = f"MMA {_cm(m.mma_m)} (sensor alone {_cm(m.mma_floor_m)}), planes {_cm(m.plane_rmse_m)}"
-    table.add_row("map", "", "", mma)
-    first, latency = _number(m.first_room_s, "{:.1f} s"), m.room_latency_s
-    table.add_row(
-        "first room", "", "", f"{first}, each: median {_number(latency.median, '{:.1f} s')}"
-    )
+    for name, text in (
+        ("trajectory", f"ATE {_cm(m.ate_m)} (odometry alone {_cm(m.ate_odometry_m)})"),
+        ("map", f"MMA {_cm(m.mma_m)} (sensor alone {_cm(m.mma_floor_m)})"),
+        ("planes", f"RMSE {_cm(m.plane_rmse_m)}"),
+        (
+            "first room",
+            f"after {_number(m.first_room_s, '{:.1f} s')}; "
+            f"each: median {_number(m.room_latency_s.median, '{:.1f} s')}",
+        ),
+    ):
+        table.add_row(name, "", "", text)
     return table
 
 
 def stages_table(metrics: Metrics) -> Table:
     """Where the time went."""
-    factor = _number(metrics.real_time_factor, "{:.1f}")
-    title = (
-        f"{_number(metrics.simulated_s, '{:.1f}')} s simulated in "
-        f"{_number(metrics.wall_s, '{:.1f}')} s: {factor} times real time"
-    )
-    table = Table("stage", title=title, title_justify="left", box=SIMPLE_HEAD)
+    table = Table("stage", box=SIMPLE_HEAD)
     for column in ("median ms", "p95 ms", "total s"):
         table.add_column(column, justify="right")
     for item in fields(metrics.stages):
@@ -179,9 +171,21 @@ def stages_table(metrics: Metrics) -> Table:
 
 def show_result(console: Console, metrics: Metrics, folder: Path) -> None:
     """The tables of a finished run, and where its files are."""
-    console.print(summary_table(metrics))
-    console.print(stages_table(metrics))
-    console.print(f"files: {folder}", markup=False, highlight=False, soft_wrap=True)
+    m = metrics
+    _line(console, f"{m.scene}, {m.detector}, seed {m.seed}: {m.status}")
+    console.print(summary_table(m))
+    _line(
+        console,
+        f"{_number(m.simulated_s, '{:.1f}')} s simulated in {_number(m.wall_s, '{:.1f}')} s: "
+        f"{_number(m.real_time_factor, '{:.1f}')} times real time",
+    )
+    console.print(stages_table(m))
+    _line(console, f"files: {folder}")
+
+
+def _line(console: Console, text: str) -> None:
+    """A line as it is: no markup, no wrapping, so that scripts can read it."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _number(value: float | str | None, form: str = "{}") -> str:

@@ -16,7 +16,7 @@ from worlds.plan import Opening
 from worlds.sidemap import NOTHING, SideMap, side_map
 
 THRESHOLD = 0.05
-"""An opening that begins lower than this above the floor can be driven through [m]."""
+"""An opening that begins lower than this above the floor interrupts the wall [m]."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,14 @@ class Doorway:
     height: float
 
 
-def passable(opening: Opening) -> bool:
-    """Whether one can drive through."""
+def interrupts(opening: Opening) -> bool:
+    """Whether an opening reaches down to the floor, so that no wall is left below it."""
     return opening.z_min < THRESHOLD
+
+
+def passable(opening: Opening) -> bool:
+    """Whether one can drive through: nobody does through a window, however low."""
+    return interrupts(opening) and opening.kind != "window"
 
 
 def interruptions(outline: Outline, openings: Sequence[Opening]) -> SideMap:

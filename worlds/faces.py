@@ -85,7 +85,7 @@ def storey_faces(
 
 
 def _real_wall(layout: Layout, rows: IntArray) -> Array:
-    """(P, 3) side, low and high of what the passable openings leave of some stretches."""
+    """(P, 3) side, low and high of what the openings down to the floor leave of some stretches."""
     bounds = layout.bounds
     found: list[tuple[float, float, float]] = []
     spans = sorted(zip(bounds.side[rows], bounds.low[rows], bounds.high[rows], strict=True))

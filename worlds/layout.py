@@ -8,7 +8,7 @@ import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import IntArray
-from worlds.doorways import Doorway, doorways, interruptions, passable, without
+from worlds.doorways import Doorway, doorways, interruptions, interrupts, passable, without
 from worlds.outline import Outline, joined, trace
 from worlds.plan import Opening, Storey
 from worlds.rooms import (
@@ -30,9 +30,9 @@ PILLAR = 1.2
 @dataclass(frozen=True)
 class Layout:
     """rooms: those that are scored, merged where nothing separates them; bounds: the room at each
-    stretch of wall; gaps: where passable openings interrupt the sides; doors: between two rooms or
-    to the outside; pillars: parts of the outline's solid; cut: walls without any opening; open_cut:
-    walls without the passable ones.
+    stretch of wall; gaps: where openings that reach the floor interrupt the sides; doors: between
+    two rooms or to the outside; pillars: parts of the outline's solid; cut: walls without any
+    opening; open_cut: walls without the passable ones.
     """
 
     storey: Storey
@@ -67,7 +67,7 @@ def lay_out(storey: Storey) -> Layout:
         outline=outline,
         rooms=tuple(united(rooms, group, between)),
         bounds=merged_bounds,
-        gaps=_passable_only(gaps, storey.openings),
+        gaps=_down_to_floor(gaps, storey.openings),
         doors=tuple(_regrouped(doors, group)),
         pillars=_pillars(outline, merged_bounds),
         cut=without(outline.solid, storey.openings),
@@ -99,8 +99,8 @@ def _regrouped(doors: list[Doorway], group: IntArray) -> list[Doorway]:
     return found
 
 
-def _passable_only(gaps: SideMap, openings: tuple[Opening, ...]) -> SideMap:
-    kept = np.array([passable(openings[k]) for k in gaps.value], dtype=bool)
+def _down_to_floor(gaps: SideMap, openings: tuple[Opening, ...]) -> SideMap:
+    kept = np.array([interrupts(openings[k]) for k in gaps.value], dtype=bool)
     return SideMap(gaps.side[kept], gaps.low[kept], gaps.high[kept], gaps.value[kept])
 
 

@@ -21,6 +21,8 @@ TOUCH = 1e-6
 """Points nearer than this to a side lie on it [m]."""
 SPECK = 1e-3
 """Wall parts and enclosed gaps smaller than this are drawing errors [m2]."""
+PLUG = 1e-3
+"""Half the side of the square that joins walls which touch in a point [m]."""
 STRAIGHT = np.radians(8.0)
 """Sides that meet at a smaller angle belong to one body [rad]."""
 THICKEST = 0.6
@@ -119,11 +121,24 @@ def trace(walls: MultiPolygon) -> Outline:
 
 def clean_union(walls: MultiPolygon) -> MultiPolygon:
     """The union in a canonical order, whatever the order in which the walls were drawn."""
-    union = shapely.union_all(shapely.get_parts(walls)).simplify(TOUCH)
+    union = _plugged(shapely.union_all(shapely.get_parts(walls)).simplify(TOUCH))
     parts = [p for p in shapely.get_parts(union) if p.geom_type == "Polygon" and p.area > SPECK]
     kept = [Polygon(p.exterior, [h for h in p.interiors if Polygon(h).area > SPECK]) for p in parts]
     solid = shapely.normalize(MultiPolygon(kept))
     return shapely.orient_polygons(solid)
+
+
+def _plugged(union: shapely.Geometry) -> shapely.Geometry:
+    """Walls that touch in a single point are joined there: one cannot tell whose corner it is."""
+    rings = shapely.get_rings(shapely.get_parts(union))
+    coords = [shapely.get_coordinates(ring)[:-1] for ring in rings]
+    if not coords:
+        return union
+    corners, count = np.unique(np.concatenate(coords), axis=0, return_counts=True)
+    if (count < 2).all():
+        return union
+    plugs = shapely.buffer(shapely.points(corners[count > 1]), PLUG, cap_style="square")
+    return shapely.union_all([union, *plugs])
 
 
 def _rings(solid: MultiPolygon) -> Iterator[tuple[int, Array]]:

@@ -21,6 +21,8 @@ CORRIDOR = "#f3ead9"
 OTHER = "#e6e6e6"
 FACE = "#2f6fab"
 DOOR = "#c2622d"
+NARROW = 3.0
+"""The name of a room narrower than this is broken into its words [m]."""
 HEIGHT = 8.0
 """Height of a scene's picture [inches]."""
 
@@ -90,12 +92,21 @@ def _draw_doors(axes: Axes, truth: Truth, rooms: Sequence[Room]) -> None:
 
 
 def _write_name(axes: Axes, room: Room) -> None:
-    from shapely import maximum_inscribed_circle
-
-    circle = maximum_inscribed_circle(room.polygon, tolerance=0.05)
-    x, y = circle.coords[0]
+    x, y = _place_for_name(room.polygon)
     tall = np.ptp(room.polygon.exterior.xy[1]) > 2.5 * np.ptp(room.polygon.exterior.xy[0])
-    text = room.name.replace(" + ", "\n+ ")
+    narrow = np.ptp(room.polygon.exterior.xy[0]) < NARROW and not tall
+    text = room.name.replace(" ", "\n") if narrow else room.name.replace(" + ", "\n+ ")
     axes.text(
         x, y, text, ha="center", va="center", fontsize=9, rotation=90 if tall else 0, zorder=5
     )
+
+
+def _place_for_name(polygon: Polygon) -> tuple[float, float]:
+    """The centroid where it is well inside, else the middle of the widest place."""
+    from shapely import maximum_inscribed_circle
+
+    circle = maximum_inscribed_circle(polygon, tolerance=0.05)
+    if polygon.contains(polygon.centroid.buffer(circle.length / 2.0)):
+        return polygon.centroid.x, polygon.centroid.y
+    x, y = circle.coords[0]
+    return float(x), float(y)

@@ -104,6 +104,8 @@ def _edges(polygon: Polygon) -> Array:
 
 def open_boundaries(rooms: Sequence[ClearRoom]) -> list[OpenBoundary]:
     """Every stretch along which two rooms meet without a wall."""
+    if len(rooms) < 2:
+        return []
     polygons = np.array([room.polygon for room in rooms])
     first, second = STRtree(polygons).query(polygons, predicate="dwithin", distance=CONTACT)
     found = []

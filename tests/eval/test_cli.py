@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +16,7 @@ import pytest
 from eval.cli import main
 from eval.config import RunConfig
 from eval.metrics import Latency, Loops, Metrics, Planes, Rooms, Stages, StageTime, Walls
+from eval.outputs import read_metrics, read_tum
 from slam.core import InputError, RunError
 
 Run = Callable[[RunConfig, Callable[[float, float], None]], object]
@@ -113,7 +116,7 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         detector="my.rooms:Finder",
         odometry="my.poses:Odometry",
         layers="planes",
-        factors="informative",
+        factors="paper",
         loops="off",
         save=True,
     )
@@ -148,7 +151,7 @@ def test_the_summary_says_what_was_scored_and_where_it_is(
         "SE1, gnn, seed 4",
         "0.99",
         "0.65",
-        "7.5 found",
+        "of 7.5 right",
         "1.2 cm",
         "4.6 cm",
         "3.2",
@@ -224,19 +227,7 @@ def test_warnings_of_ours_are_shown_and_others_are_not(
     assert capsys.readouterr().err == "roomloop: warning: rooms without a way to them: store\n"
 
 
-# --- the real thing, in its own process -----------------------------------------------------------
-
-
-def command(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    root = Path(__file__).parents[2]
-    return subprocess.run(
-        [sys.executable, "-m", "eval.cli", *arguments],
-        cwd=folder,
-        env={"PYTHONPATH": str(root), "PATH": "", "HOME": str(folder)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+# --- the real thing -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -251,31 +242,75 @@ def command(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
         (["run", "SE1", "--out", "/proc/run"], "/proc/run"),
     ],
 )
-def test_bad_input_writes_nothing(tmp_path: Path, arguments: list[str], named: str) -> None:
+def test_bad_input_writes_nothing(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+    arguments: list[str],
+    named: str,
+) -> None:
     (tmp_path / "broken.json").write_text('{"name": ')
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("")
     before = sorted(tmp_path.rglob("*"))
-    done = command(*arguments, folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("roomloop: ")
-    assert done.stderr.count("\n") == 1
-    assert named in done.stderr
+    monkeypatch.chdir(tmp_path)
+    assert named in refused(capsys, arguments)
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_the_catalogue_is_listed(tmp_path: Path) -> None:
-    done = command("scenes", folder=tmp_path)
-    assert done.returncode == 0
-    assert "SE1" in done.stdout
-    assert "6 squared" in done.stdout
+def test_the_catalogue_is_listed(capsys: Capture) -> None:
+    assert main(["scenes"]) == 0
+    text = capsys.readouterr().out
+    assert "SE1" in text
+    assert "6 squared" in text
 
 
-def test_a_scene_is_drawn_where_it_says(tmp_path: Path) -> None:
-    done = command("scenes", "--show", "SE1", folder=tmp_path)
-    assert done.returncode == 0
-    picture = tmp_path / done.stdout.strip()
+def test_a_scene_is_drawn_where_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["scenes", "--show", "SE1"]) == 0
+    picture = tmp_path / capsys.readouterr().out.strip()
     assert picture.read_bytes().startswith(b"\x89PNG")
-    # matplotlib keeps its font cache in the hidden folders of the home that this test gives it.
-    assert [path for path in tmp_path.iterdir() if not path.name.startswith(".")] == [picture]
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+# --- in a process of its own ----------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[2]
+
+
+def started(*arguments: str, folder: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "eval.cli", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    process = started("run", "SE0", folder=tmp_path)
+    out, err = process.communicate()
+    assert (process.returncode, out) == (2, "")
+    assert err.startswith("roomloop: ")
+    assert err.count("\n") == 1
+
+
+def test_a_run_that_is_stopped_leaves_its_metrics(tmp_path: Path) -> None:
+    process = started("run", "SE1", "--duration", "60", "--out", "run", folder=tmp_path)
+    assert process.stderr is not None
+    first = process.stderr.readline()
+    assert "of 60.0 s simulated" in first, first + process.stderr.read()
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate()
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == "roomloop: stopped"
+    assert "Traceback" not in err
+    metrics = read_metrics(tmp_path / "run" / "metrics.json")
+    assert metrics.status == "cut_off"
+    assert metrics.simulated_s is not None
+    assert metrics.simulated_s < 60.0
+    assert len(read_tum(tmp_path / "run" / "trajectory.tum")) == round(10 * metrics.simulated_s)
