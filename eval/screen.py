@@ -105,7 +105,7 @@ def our_warnings_only(console: Console) -> None:
 
 def counts_table(scenes: Sequence[SceneCounts]) -> Table:
     """The catalogue: what each scene holds."""
-    table = Table("scene", "rooms", "of which", box=SIMPLE_HEAD)
+    table = Table("scene", "rooms", "of which", box=SIMPLE_HEAD, padding=0)
     for column in ("doors", "storeys", "extent m", "area m2"):
         table.add_column(column, justify="right")
     for scene in scenes:

@@ -70,7 +70,9 @@ class RayCaster:
         triangle[missed] = 0
         distance, cosine = self._refine(origins, directions, triangle, coarse)
         distance[missed] = np.inf
-        return Hits(distance, cosine, triangle, self._face[triangle], self._geom[triangle])
+        return Hits(
+            distance, cosine, triangle, self._face.take(triangle), self._geom.take(triangle)
+        )
 
     def _refine(
         self, origins: Array, directions: Array, triangle: NDArray[np.int32], coarse: Array
@@ -78,9 +80,9 @@ class RayCaster:
         """Distances in double precision: Embree computes in single, which costs up to a
         millimetre far from the origin or at grazing incidence. It says which triangle; its plane
         gives the distance."""
-        normal = self._normals[triangle]
+        normal = self._normals.take(triangle, axis=0)
         along = np.einsum("ij,ij->i", normal, directions)
-        height = np.einsum("ij,ij->i", normal, origins) + self._d[triangle]
+        height = np.einsum("ij,ij->i", normal, origins) + self._d.take(triangle)
         cosine = np.abs(along)
         edge_on = cosine < 1e-4
         distance = -height / np.where(edge_on, 1.0, along)

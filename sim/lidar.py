@@ -11,7 +11,7 @@ from sim.caster import Hits
 from sim.motion import Motion
 from sim.sensor import Sensor
 from sim.truth import ScanTruth
-from slam.core import Array, Scan
+from slam.core import Array, IntArray, Scan
 
 HALF_INTENSITY_RANGE = 20.0
 """Range [m] at which a head-on return is half as bright as a near one."""
@@ -41,6 +41,7 @@ class Lidar:
         order = sensor.firing_order
         shape = (sensor.columns, sensor.beams)
         self._times = sensor.shot_times.ravel()
+        self._heads = sensor.shot_directions.reshape(-1, 3)
         self._ring = np.broadcast_to(order, shape).ravel()
         self._offset = _per_shot(sensor.range_offsets, order, shape)
         self._sigma = _per_shot(sensor.range_noise, order, shape)
@@ -57,22 +58,23 @@ class Lidar:
         origins, directions = self._rays(lidar_motion.seen_from(T_lidar_head), stamp)
         hits = self._caster.cast(origins, directions)
         ranges, returned = self._measure(hits)
-        r = ranges[returned, None]
-        heads = self.sensor.shot_directions.reshape(-1, 3)[returned]
+        r = ranges.take(returned)[:, None]
+        heads = self._heads.take(returned, axis=0)
         scan = Scan(
             index=index,
             stamp=stamp,
             points=r * (heads @ T_lidar_head[:3, :3].T),
-            times=self._times[returned],
-            ring=self._ring[returned],
-            intensity=_intensity(ranges[returned], hits.cosine[returned]),
+            times=self._times.take(returned),
+            ring=self._ring.take(returned),
+            intensity=_intensity(r[:, 0], hits.cosine.take(returned)),
             T_base_lidar=self.T_base_lidar,
         )
+        away = r * directions.take(returned, axis=0)
         truth = ScanTruth(
             T_world_base=motion.poses[-1],
-            face=hits.face[returned],
-            geom=hits.geom[returned],
-            points_world=(origins[returned] + r * directions[returned]).astype(np.float32),
+            face=hits.face.take(returned),
+            geom=hits.geom.take(returned),
+            points_world=(origins.take(returned, axis=0) + away).astype(np.float32),
         )
         return scan, truth
 
@@ -92,8 +94,8 @@ class Lidar:
         origins = translations[:-1, None] + blend * step
         return origins.reshape(-1, 3), (now + blend * change).reshape(-1, 3)
 
-    def _measure(self, hits: Hits) -> tuple[Array, NDArray[np.bool_]]:
-        """Measured ranges (N,), and which shots gave a return."""
+    def _measure(self, hits: Hits) -> tuple[Array, IntArray]:
+        """Measured ranges (N,), and which shots (M,) gave a return."""
         sensor = self.sensor
         n = len(self._times)
         ranges = hits.distance + self._offset
@@ -104,7 +106,8 @@ class Lidar:
         if sensor.grazing > 0.0:
             kept = kept * (1.0 - np.exp(-hits.cosine / sensor.grazing))
         returned = self._rng.random(n, dtype=np.float32) < kept
-        return ranges, returned & (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
+        returned &= (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
+        return ranges, np.flatnonzero(returned)
 
 
 def _per_shot(table: tuple[float, ...], order: NDArray[np.int16], shape: tuple[int, int]) -> Array:

@@ -1,0 +1,52 @@
+"""Random buildings are valid, whatever the seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.ops import unary_union
+
+from worlds.generator import GeneratorConfig, random_plan
+from worlds.plan import Plan
+
+SHEARED = GeneratorConfig(shear=1.0)
+
+
+def _plan(seed: int, config: GeneratorConfig | None = None) -> Plan:
+    return random_plan(np.random.default_rng(seed), config)
+
+
+@pytest.mark.parametrize("config", [None, SHEARED], ids=["square", "sheared"])
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_rooms_and_walls_share_no_area(config: GeneratorConfig | None, seed: int) -> None:
+    storey = _plan(seed, config).storeys[0]
+    rooms = [room.outline for room in storey.rooms]
+    assert rooms
+    assert all(room.is_valid and room.area > 0.5 for room in rooms)
+    assert sum(r.area for r in rooms) == pytest.approx(unary_union(rooms).area, abs=1e-5)
+    assert unary_union(rooms).intersection(storey.walls).area < 1e-5
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_doors_lie_in_walls_and_join_two_rooms(seed: int) -> None:
+    storey = _plan(seed).storeys[0]
+    for door in storey.openings:
+        assert door.footprint.intersection(storey.walls).area > 0.6 * door.footprint.area
+        touched = [r for r in storey.rooms if r.outline.intersection(door.footprint).area > 1e-4]
+        assert len(touched) == 2
+
+
+def test_the_seed_decides_everything() -> None:
+    assert _plan(7) == _plan(7)
+    assert _plan(7) != _plan(8)
+
+
+def test_every_kind_of_building_is_drawn_and_turned() -> None:
+    plans = [_plan(seed) for seed in range(60)]
+    assert {plan.name for plan in plans} == {f"random-{kind}" for kind in GeneratorConfig().kinds}
+    corners = [len(r.outline.exterior.coords) for p in plans for r in p.storeys[0].rooms]
+    assert max(corners) > 5  # rooms that are not rectangles
