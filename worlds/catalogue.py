@@ -23,7 +23,13 @@ SCENES = Path(__file__).parent / "scenes"
 ELONGATED = 1.8
 """A rectangular room longer than this many times its width is elongated."""
 CONVEX = 0.95
-"""A room that fills less than this part of its convex hull is L-shaped."""
+"""A room that fills less than this part of its convex hull is not convex."""
+RECTANGULAR = 0.8
+"""A convex room that fills less than this part of the rectangle about it is irregular."""
+L_CORNERS = 6
+"""Corners of an L-shape; a room that is not convex and has more is irregular."""
+STRAIGHT = 0.05
+"""Corners that are this near to the line between their neighbours do not count [m]."""
 
 
 @dataclass(frozen=True)
@@ -107,11 +113,15 @@ def scene_counts(plan: Plan) -> SceneCounts:
 
 
 def room_shape(kind: str, polygon: Polygon) -> str:
-    """squared, elongated, L-shaped; any kind but ``room`` is a shape of its own."""
+    """squared, elongated, L-shaped, irregular; any kind but ``room`` is a shape of its own."""
     if kind != "room":
         return kind
     if polygon.area < CONVEX * polygon.convex_hull.area:
-        return "L-shaped"
-    corners = np.asarray(shapely.minimum_rotated_rectangle(polygon).exterior.coords)
-    sides = np.linalg.norm(np.diff(corners[:3], axis=0), axis=1)
+        corners = len(polygon.simplify(STRAIGHT).exterior.coords) - 1
+        return "L-shaped" if corners <= L_CORNERS and not polygon.interiors else "irregular"
+    rectangle = shapely.minimum_rotated_rectangle(polygon)
+    if polygon.area < RECTANGULAR * rectangle.area:
+        return "irregular"
+    corner = np.asarray(rectangle.exterior.coords)
+    sides = np.linalg.norm(np.diff(corner[:3], axis=0), axis=1)
     return "elongated" if sides.max() > ELONGATED * sides.min() else "squared"
