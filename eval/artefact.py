@@ -26,7 +26,7 @@ from eval.steps import Step
 from sim.sensor import sensor_named
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
-from worlds.catalogue import file_sha256, scene_path
+from worlds.catalogue import scene_sha256
 from worlds.conditions import conditions_named
 
 AFTER_THE_FRONT_END = {"scene", "out", "detector", "layers", "factors", "loops", "save", "cache"}
@@ -58,7 +58,7 @@ def front_end_key(config: RunConfig) -> str:
     """32 hexadecimal digits of all that the steps of a run depend on. Raises InputError."""
     used = [item.name for item in fields(config) if item.name not in AFTER_THE_FRONT_END]
     parts = [f"{name}={getattr(config, name)!r}" for name in used]
-    parts.append(file_sha256(scene_path(config.scene)))
+    parts.append(scene_sha256(config.scene))
     parts += [repr(sensor_named(config.sensor)), repr(conditions_named(config.conditions))]
     parts.append(repr(FrontEndConfig()))
     parts += [f"{name} {version(name)}" for name in PACKAGES]

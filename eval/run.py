@@ -29,7 +29,7 @@ from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
-from worlds.catalogue import file_sha256, scene_path
+from worlds.catalogue import scene_sha256
 from worlds.world import World
 
 Progress = Callable[[float, float], None]
@@ -213,7 +213,7 @@ def _facts(config: RunConfig, failure: BaseException | None) -> RunFacts:
         status=_status(failure),
         error=str(failure) if isinstance(failure, RunError) else None,
         scene=config.scene,
-        scene_sha256=file_sha256(scene_path(config.scene)),
+        scene_sha256=scene_sha256(config.scene),
         seed=config.seed,
         sensor=config.sensor,
         conditions=config.conditions,
