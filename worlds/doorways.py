@@ -74,9 +74,9 @@ def doorways(
 def _doorway(
     outline: Outline, opening: Opening, rows: list[tuple[int, float, float]], bounds: SideMap
 ) -> Doorway:
-    space = max(
-        as_multipolygon(opening.footprint.intersection(outline.solid)).geoms, key=lambda p: p.area
-    )
+    footprint = opening.footprint
+    inside = as_multipolygon(footprint.intersection(outline.near(footprint)))
+    space = max(inside.geoms, key=lambda p: p.area)
     longest = max(rows, key=lambda row: row[2] - row[1])
     widths, rooms = [0.0, 0.0], [NOTHING, NOTHING]
     for side, low, high in rows:

@@ -15,7 +15,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry import Polygon, box
 
-from slam.core import Array, InputError
+from slam.core import InputError
 from worlds.drafting import as_multipolygon
 from worlds.plan import Opening, Plan, RoomOutline, Storey
 

@@ -122,12 +122,11 @@ def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:
     if not openings:
         return
     footprints = shapely.STRtree([opening.footprint for opening in openings])
-    polygons = shapely.STRtree(shapely.get_parts(layout.outline.solid))
     for k, opening in enumerate(openings):
         earlier = [openings[i].footprint for i in footprints.query(opening.footprint) if i < k]
         own = opening.footprint.difference(shapely.union_all(earlier))
-        solid = shapely.union_all(polygons.geometries[polygons.query(own)])
-        space = shapely.remove_repeated_points(own.intersection(solid), TOUCH)
+        inside = own.intersection(layout.outline.near(own))
+        space = shapely.remove_repeated_points(inside, TOUCH)
         yield as_multipolygon(space), opening
 
 

@@ -73,11 +73,13 @@ def _floors(storeys: Sequence[BuiltStorey]) -> tuple[Floor, ...]:
 
 def _rooms(storey: BuiltStorey, faces: Sequence[Face], first: int) -> list[Room]:
     built, height = storey.built, storey.layout.height
+    own: dict[int, list[int]] = {}
+    for face in faces:
+        own.setdefault(face.room, []).append(face.id)
     found = []
     for i, room in enumerate(storey.layout.rooms, start=first):
         polygon = built.place_polygon(room.polygon, height / 2.0)
-        own = tuple(face.id for face in faces if face.room == i)
-        found.append(Room(i, room.name, room.kind, storey.index, polygon, own))
+        found.append(Room(i, room.name, room.kind, storey.index, polygon, tuple(own.get(i, ()))))
     return found
 
 

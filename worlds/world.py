@@ -16,7 +16,7 @@ from worlds.conditions import AS_BUILT, Conditions
 from worlds.drafting import as_multipolygon
 from worlds.layout import lay_out
 from worlds.model import Slab, building_spec, slabs
-from worlds.plan import Plan, Storey
+from worlds.plan import Plan, Ramp, Storey
 from worlds.solids import Solid, wall_solids
 from worlds.survey import BuiltStorey, survey
 from worlds.truth import Truth
@@ -43,7 +43,8 @@ class World:
     """A building as built.
 
     spec: the building only; whoever adds a base does so to a copy. footprints: per storey of the
-    plan, the walls at floor level with the passable openings taken out (empty if it was not built).
+    plan, the walls at floor level with the passable openings taken out (empty if it was not built);
+    ramps: those that were built.
     """
 
     plan: Plan
@@ -51,6 +52,7 @@ class World:
     spec: mujoco.MjSpec
     mesh: Mesh
     footprints: tuple[MultiPolygon, ...]
+    ramps: tuple[Ramp, ...] = ()
 
 
 def build_world(

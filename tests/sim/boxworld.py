@@ -32,6 +32,7 @@ class BoxWorld:
     spec: mujoco.MjSpec
     mesh: BoxMesh
     footprints: tuple[MultiPolygon, ...]
+    ramps: tuple[()] = ()
 
 
 @dataclass(frozen=True)
