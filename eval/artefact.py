@@ -26,7 +26,7 @@ from eval.steps import Step
 from sim.sensor import sensor_named
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
-from worlds.catalogue import scene_sha256
+from worlds.catalogue import load_scene, scene_sha256
 from worlds.conditions import conditions_named
 
 AFTER_THE_FRONT_END = {"scene", "out", "detector", "layers", "factors", "loops", "save", "cache"}
@@ -59,7 +59,8 @@ def front_end_key(config: RunConfig) -> str:
     used = [item.name for item in fields(config) if item.name not in AFTER_THE_FRONT_END]
     parts = [f"{name}={getattr(config, name)!r}" for name in used]
     parts.append(scene_sha256(config.scene))
-    parts += [repr(sensor_named(config.sensor)), repr(conditions_named(config.conditions))]
+    conditions = config.conditions or load_scene(config.scene).conditions
+    parts += [repr(sensor_named(config.sensor)), repr(conditions_named(conditions))]
     parts.append(repr(FrontEndConfig()))
     parts += [f"{name} {version(name)}" for name in PACKAGES]
     modules = [*CODE, config.odometry.partition(":")[0]] if ":" in config.odometry else [*CODE]

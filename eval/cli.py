@@ -76,10 +76,14 @@ def run(
     speed: Annotated[float | None, Option(help="Of the base, m/s.")] = None,
     storey: Annotated[int | None, Option(help="Counted from 0.")] = None,
     start: Annotated[str | None, Option(help="The room to start in.")] = None,
+    route: Annotated[
+        str | None, Option(help="A route that the scene names (default: every room).")
+    ] = None,
+    closed: Annotated[bool, Option("--closed", help="Return to the start.")] = False,
     sensor: Annotated[str, Option(help="Preset of the LiDAR.")] = RunConfig.sensor,
     conditions: Annotated[
-        str, Option(help="How the world was built: as-built or ideal.")
-    ] = RunConfig.conditions,
+        str | None, Option(help="How the world was built (default: as the scene says).")
+    ] = None,
     detector: Annotated[
         str, Option(help=f"{_names(tuple(DETECTORS))}, or package.module:Class.")
     ] = RunConfig.detector,
@@ -107,6 +111,8 @@ def run(
         speed=speed,
         storey=storey,
         start=start,
+        route=route,
+        closed=closed,
         sensor=sensor,
         conditions=conditions,
         detector=detector,

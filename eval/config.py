@@ -26,10 +26,12 @@ class RunConfig:
     scene: a catalogue name or a file; seed: of everything random; out: the folder (None:
     ``runs/SCENE-DETECTOR-sN``); duration: simulated seconds (None: the whole route); speed: of the
     base [m/s] (None: the base's own); storey: counted from 0 (None: the lowest that can be driven);
-    start: the room it starts in, by name; sensor, conditions: names of presets; detector, odometry:
-    a name or ``package.module:Class``; layers: what enters the graph; factors: how rooms and walls
-    constrain it; loops: loop closure; save: write recording.rrd; cache: a folder of recorded front
-    ends (``eval.artefact``), which variants of detector and back end replay.
+    start: the room it starts in, by name; route: one that the scene names (None: every room);
+    closed: return to the start; sensor, conditions: names of presets (conditions None: that which
+    the scene names); detector, odometry: a name or ``package.module:Class``; layers: what enters
+    the graph; factors: how rooms and walls constrain it; loops: loop closure; save: write
+    recording.rrd; cache: a folder of recorded front ends (``eval.artefact``), which variants of
+    detector and back end replay.
     """
 
     scene: str
@@ -39,8 +41,10 @@ class RunConfig:
     speed: float | None = None
     storey: int | None = None
     start: str | None = None
+    route: str | None = None
+    closed: bool = False
     sensor: str = "vlp16"
-    conditions: str = "as-built"
+    conditions: str | None = None
     detector: str = "gnn"
     odometry: str = "kiss"
     layers: str = "rooms+walls"

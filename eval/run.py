@@ -105,7 +105,7 @@ def run(
         failure = stopped
     wall_s = time.perf_counter() - started
     parts.sink.finished()
-    facts = replace(_facts(config, failure), stages=clock.stages())
+    facts = replace(_facts(config, parts.world, failure), stages=clock.stages())
     if not parts.replay:
         facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
     metrics = _finish(parts, facts, folder)
@@ -208,7 +208,7 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     return metrics
 
 
-def _facts(config: RunConfig, failure: BaseException | None) -> RunFacts:
+def _facts(config: RunConfig, world: World, failure: BaseException | None) -> RunFacts:
     return RunFacts(
         status=_status(failure),
         error=str(failure) if isinstance(failure, RunError) else None,
@@ -216,7 +216,7 @@ def _facts(config: RunConfig, failure: BaseException | None) -> RunFacts:
         scene_sha256=scene_sha256(config.scene),
         seed=config.seed,
         sensor=config.sensor,
-        conditions=config.conditions,
+        conditions=config.conditions or world.plan.conditions,
         detector=config.detector,
         layers=config.layers,
         factors=config.factors,

@@ -7,10 +7,11 @@ import numpy as np
 from eval.config import RunConfig
 from eval.steps import Source
 from sim.drive import Drive
-from sim.route import plan_route
+from sim.route import RouteConfig, named_route, plan_route
 from sim.sensor import sensor_named
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
+from worlds.plan import NamedRoute, Plan
 from worlds.world import World, build_world
 
 SPEED = 0.6
@@ -18,18 +19,28 @@ SPEED = 0.6
 
 
 def make_world(config: RunConfig) -> World:
-    """The world of a run, the storey that is driven. Raises InputError."""
-    conditions = conditions_named(config.conditions)
+    """The world of a run: the storey that is driven, or all that ramps join. Raises InputError."""
+    plan = load_scene(config.scene)
+    conditions = conditions_named(config.conditions or plan.conditions)
     seed, _ = _seeds(config)
-    return build_world(load_scene(config.scene), seed, conditions, config.storey or 0)
+    part = _part(config, plan)
+    storey = config.storey if part is None else part.storey
+    if storey is None and not plan.ramps:
+        storey = 0
+    return build_world(plan, seed, conditions, storey)
 
 
 def make_source(config: RunConfig, world: World) -> Source:
     """The drive of a run. Raises InputError."""
-    route = plan_route(world, config.storey or 0, config.start)
+    how = RouteConfig(closed=config.closed)
+    route = plan_route(world, config.storey, config.start, how, _part(config, world.plan))
     speed = SPEED if config.speed is None else config.speed
     _, seed = _seeds(config)
     return Drive(world, sensor_named(config.sensor), route, speed, seed, config.duration)
+
+
+def _part(config: RunConfig, plan: Plan) -> NamedRoute | None:
+    return None if config.route is None else named_route(plan, config.route)
 
 
 def _seeds(config: RunConfig) -> list[np.random.SeedSequence]:

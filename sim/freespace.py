@@ -32,7 +32,7 @@ class FreeSpace:
     cell: float
     clearance: Array
     cells: IntArray
-    index: IntArray
+    index: NDArray[np.int32]
 
     @cached_property
     def centres(self) -> Array:
@@ -110,7 +110,7 @@ def free_space(
 def covered(shape: BaseGeometry, xs: Array, ys: Array) -> NDArray[np.bool_]:
     """(H, W) which points of an even grid of columns ``xs`` and rows ``ys`` lie in polygons.
 
-    Each row is cut by the polygons' sides; a point with an odd number of cuts to its left is inside.
+    The polygons' sides cut each row; a point with an odd number of cuts to its left is inside.
     """
     rings = [np.asarray(ring.coords) for ring in shapely.get_rings(shapely.get_parts(shape))]
     if not rings:

@@ -81,7 +81,7 @@ class Levels:
     def nearest(self, point: Array, storey: int, within: float) -> int | None:
         """The free cell nearest to a point (2,) on a storey, if one is within that distance [m]."""
         block = next(b for b in self.blocks if b.storey == storey and b.ramp is None)
-        return self.space.nearest(np.asarray(point) + [block.shift, 0.0], within)
+        return self.space.nearest(point + np.array([block.shift, 0.0]), within)
 
 
 def ramp_height(ramp: Ramp, rise: float, points: Array) -> Array:

@@ -61,7 +61,7 @@ class Roadmap:
 
 
 def build_roadmap(graph: csr_matrix, places: IntArray) -> Roadmap:
-    """The roadmap of distinct ``places`` on a grid; ``graph`` holds the cost between two cells once."""
+    """The roadmap of distinct ``places`` on a grid; ``graph``: costs between cells, each once."""
     cost, predecessors, source = dijkstra(
         graph, directed=False, indices=places, min_only=True, return_predecessors=True
     )

@@ -1,4 +1,4 @@
-"""The order in which to visit places: nearest neighbour, then 2-opt and moves of short stretches."""
+"""The order in which to visit places: nearest neighbour, then turns and moves of stretches."""
 
 from __future__ import annotations
 
