@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sim.base import Base, BaseConfig, base_poses
 from sim.caster import THREADS, RayCaster
 from sim.follower import Follower
+from sim.ground import Ground
 from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.route import Route
@@ -64,8 +65,15 @@ class Drive:
     def __iter__(self) -> Iterator[tuple[Scan, ScanTruth]]:
         lidar_rng, base_rng = _generators(self._seed, 2)
         follower = Follower(self._route.points, self._base)
-        z_floor = self._world.truth.floors[self._route.storey].z_floor
-        base = Base(self._world.spec, z_floor, follower.start, self._base, base_rng)
+        ground = Ground(self._world, self._route.storey)
+        base = Base(
+            self._world.spec,
+            ground.height,
+            follower.start,
+            self._base,
+            base_rng,
+            None if ground.level else ground,
+        )
         ids = base.geom_ids(self._world.mesh.geom_names)
         caster = RayCaster(self._world.mesh, ids, self._threads)
         lidar = Lidar(self._sensor, caster, lidar_rng, self._base.T_base_lidar)

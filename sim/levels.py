@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 APPROACH = 0.8
 """How far a ramp's block reaches beyond its foot and its head [m]."""
+INTO_RAMP = 0.2
+"""A storey's wall under a ramp's head, or over its foot, may reach this far beyond its end [m]."""
 ABOVE = 0.5
 """From this far below a storey's floor upwards, a ramp counts as a part of that storey [m]."""
 
@@ -156,9 +158,9 @@ def _ramp_walls(world: World, ramp: Ramp) -> list[BaseGeometry]:
     """The walls beside a ramp: the lower storey's up to its head, the upper's from its foot on."""
     around = shapely.buffer(_approached(ramp), 1.0, join_style="mitre")
     lower, upper = world.footprints[ramp.storey], world.footprints[ramp.storey + 1]
-    along = 2.0 * APPROACH * _uphill(ramp)
-    at_foot = Polygon([*ramp.foot, *(ramp.foot - along)[::-1]]).buffer(1e-6)
-    at_head = Polygon([*ramp.head, *(ramp.head + along)[::-1]]).buffer(1e-6)
+    onto, off = INTO_RAMP * _uphill(ramp), 2.0 * APPROACH * _uphill(ramp)
+    at_foot = Polygon([*(ramp.foot + onto), *(ramp.foot - off)[::-1]])
+    at_head = Polygon([*(ramp.head - onto), *(ramp.head + off)[::-1]])
     return [
         lower.intersection(around).difference(at_head),
         upper.intersection(around).difference(at_foot),

@@ -17,6 +17,7 @@ from worlds.drafting import as_multipolygon
 from worlds.layout import lay_out
 from worlds.model import Slab, building_spec, slabs
 from worlds.plan import Plan, Ramp, Storey
+from worlds.ramps import ramp_solids, with_openings
 from worlds.solids import Solid, wall_solids
 from worlds.survey import BuiltStorey, survey
 from worlds.truth import Truth
@@ -61,11 +62,12 @@ def build_world(
     conditions: Conditions = AS_BUILT,
     storey: int | None = None,
 ) -> World:
-    """The world that a plan becomes; ``storey`` builds that one only.
+    """The world that a plan becomes; ``storey`` builds that one only, without ramps.
 
     The same seed builds the same world, and a storey does not depend on the others.
     """
     storeys = [_built(plan, index, seed, conditions) for index in _wanted(plan, storey)]
+    ramps = plan.ramps if storey is None else ()
     truth, labels = survey(storeys)
     solids: list[Solid] = []
     plates: list[Slab] = []
@@ -73,13 +75,18 @@ def build_world(
         prefix = f"s{part.index}_"
         drawn = part.layout.storey
         solids += wall_solids(part.layout, part.built, label, prefix)
-        plates += slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix)
+        for plate in slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix):
+            opened = with_openings(plan, part.index, plate, ramps)
+            plates += [plate] if opened is None else []
+            solids += opened or []
+    solids += ramp_solids(plan, ramps)
     return World(
         plan=plan,
         truth=truth,
         spec=building_spec(plan.name, solids, plates),
         mesh=_mesh([*solids, *(plate.solid() for plate in plates)]),
         footprints=_footprints(plan, storeys),
+        ramps=ramps,
     )
 
 
