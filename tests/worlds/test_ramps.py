@@ -6,7 +6,10 @@ import pytest
 
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
+from worlds.model import MARGIN
 from worlds.world import build_world
+
+UP = np.array([0.0, 0.0, 0.5])
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +42,7 @@ def test_the_surface_of_a_ramp_is_where_it_is_drawn(building):
     assert len(world.ramps) == 2
     for ramp in world.ramps:
         for place in places_on(world, ramp, rng, 60):
-            down = ray(model, data, place + [0.0, 0.0, 0.5], np.array([0.0, 0.0, -1.0]))
+            down = ray(model, data, place + UP, np.array([0.0, 0.0, -1.0]))
             assert down == pytest.approx(0.5, abs=1e-6)
 
 
@@ -49,9 +52,9 @@ def test_no_ray_leaves_the_building_from_a_ramp(building):
     for ramp in world.ramps:
         for place in places_on(world, ramp, rng, 60):
             for direction in rng.standard_normal((40, 3)):
-                distance = ray(model, data, place + [0.0, 0.0, 0.5], direction)
+                distance = ray(model, data, place + UP, direction)
                 assert distance > 0.0
-                hit = place + [0.0, 0.0, 0.5] + distance * direction
+                hit = place + UP + distance * direction
                 assert -0.2 <= hit[0] <= 34.4
                 assert -0.2 <= hit[1] <= 15.2
 
@@ -72,7 +75,7 @@ def test_a_floor_with_a_hole_has_the_rest_of_its_area(building):
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     top = across[:, 2] > 1e-9
     assert corners[top][..., 2] == pytest.approx(world.plan.storeys[1].z_floor)
-    low, high = np.array(world.plan.storeys[1].walls.bounds).reshape(2, 2) + [[-2.0], [2.0]]
-    whole = float(np.prod(high - low))
+    bounds = np.array(world.plan.storeys[1].walls.bounds).reshape(2, 2)
+    whole = float(np.prod(bounds[1] - bounds[0] + 2.0 * MARGIN))
     hole = world.ramps[0].outline.area
     assert across[top, 2].sum() / 2.0 == pytest.approx(whole - hole, abs=1e-6)
