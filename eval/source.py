@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
 from eval.config import RunConfig
@@ -9,6 +11,7 @@ from eval.steps import Source
 from sim.drive import Drive
 from sim.route import RouteConfig, named_route, plan_route
 from sim.sensor import sensor_named
+from slam.core import InputError
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
 from worlds.plan import NamedRoute, Plan
@@ -16,6 +19,8 @@ from worlds.world import World, build_world
 
 SPEED = 0.6
 """Of the base where nothing else is asked for [m/s]."""
+
+_log = logging.getLogger(__name__)
 
 
 def make_world(config: RunConfig) -> World:
@@ -34,13 +39,21 @@ def make_source(config: RunConfig, world: World) -> Source:
     """The drive of a run. Raises InputError."""
     how = RouteConfig(closed=config.closed)
     route = plan_route(world, config.storey, config.start, how, _part(config, world.plan))
+    if route.unreachable:
+        _log.warning("%s: no way leads to %s", config.scene, ", ".join(route.unreachable))
     speed = SPEED if config.speed is None else config.speed
     _, seed = _seeds(config)
     return Drive(world, sensor_named(config.sensor), route, speed, seed, config.duration)
 
 
 def _part(config: RunConfig, plan: Plan) -> NamedRoute | None:
-    return None if config.route is None else named_route(plan, config.route)
+    """The route that was asked for by its name. Raises InputError."""
+    if config.route is None:
+        return None
+    part = named_route(plan, config.route)
+    if config.storey not in (None, part.storey):
+        raise InputError(f"storey {config.storey}: route '{part.name}' is on {part.storey}")
+    return part
 
 
 def _seeds(config: RunConfig) -> list[np.random.SeedSequence]:

@@ -111,6 +111,8 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         speed=0.8,
         storey=1,
         start="office",
+        route="west",
+        closed=True,
         sensor="ideal",
         conditions="ideal",
         detector="my.rooms:Finder",
@@ -124,10 +126,10 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
     flags = [
         part
         for item in fields(RunConfig)
-        if item.name not in ("scene", "save")
+        if item.name not in ("scene", "save", "closed")
         for part in (f"--{item.name}", str(getattr(expected, item.name)))
     ]
-    assert main(["run", "plan.json", "--save", *flags]) == 0
+    assert main(["run", "plan.json", "--save", "--closed", *flags]) == 0
     assert main(["run", "SE1"]) == 0
     assert seen == [expected, RunConfig("SE1")]
 
