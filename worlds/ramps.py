@@ -13,7 +13,7 @@ from worlds.convex import ConvexPart, convex_parts
 from worlds.drafting import as_multipolygon
 from worlds.model import BOX_TRIANGLES, SLAB, Slab
 from worlds.plan import Plan, Ramp
-from worlds.solids import Solid
+from worlds.solids import Solid, prism
 from worlds.truth import FLOOR, NO_FACE
 
 INTO_WALLS = 0.05
@@ -61,24 +61,16 @@ def with_openings(plan: Plan, index: int, plate: Slab, ramps: Sequence[Ramp]) ->
     whole = shapely.box(*plate.low[:2], *plate.high[:2])
     convex = convex_parts(as_multipolygon(whole.difference(shapely.union_all(holes))))
     return [
-        _prism(f"{plate.name}_{k}", plate, convex.points, part)
+        _part_of(f"{plate.name}_{k}", plate, convex.points, part)
         for k, part in enumerate(convex.parts)
     ]
 
 
-def _prism(name: str, plate: Slab, points: Array, part: ConvexPart) -> Solid:
+def _part_of(name: str, plate: Slab, points: Array, part: ConvexPart) -> Solid:
     ring, count = list(part.ring), len(part.ring)
-    place = {corner: k for k, corner in enumerate(ring)}
-    caps = np.array([[place[corner] for corner in triangle] for triangle in part.triangles])
-    here, there = np.arange(count), np.roll(np.arange(count), -1)
-    sides = [[here, there, there + count], [here, there + count, here + count]]
-    level = points[ring]
-    low, high = (np.column_stack([level, np.full(count, z)]) for z in (plate.low[2], plate.high[2]))
-    return Solid(
-        name=name,
-        vertices=np.concatenate([low, high]),
-        triangles=np.concatenate(
-            [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
-        ).astype(np.int32),
-        face=np.repeat([NO_FACE, plate.label], [2 * count, 2 * len(caps)]).astype(np.int32),
+    caps = np.array([[ring.index(corner) for corner in triangle] for triangle in part.triangles])
+    low, high = (
+        np.column_stack([points[ring], np.full(count, level[2])])
+        for level in (plate.low, plate.high)
     )
+    return prism(name, low, high, np.full(count, NO_FACE), caps, plate.label)

@@ -10,9 +10,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
-from slam.core import Array
+from slam.core import Array, IntArray
 from worlds.asbuilt import AsBuilt
-from worlds.convex import ConvexPart, convex_parts
+from worlds.convex import ConvexPart, ConvexParts, convex_parts
 from worlds.doorways import THRESHOLD
 from worlds.drafting import as_multipolygon
 from worlds.layout import Layout
@@ -40,6 +40,16 @@ class Solid:
 
 
 @dataclass(frozen=True)
+class _Ring:
+    """A convex part's outline. points: (K, 2) as drawn; faces: (K,) what each side shows; caps:
+    (T, 3) corners of the triangles that fill it."""
+
+    points: Array
+    faces: IntArray
+    caps: IntArray
+
+
+@dataclass(frozen=True)
 class Mould:
     """What turns a convex part of a drawn polygon into a solid."""
 
@@ -47,24 +57,18 @@ class Mould:
     built: AsBuilt
     labels: SideMap
 
-    def cast(self, name: str, points: Array, part: ConvexPart, z: tuple[float, float]) -> Solid:
-        """The solid over a part of the drawn plan, between two heights above the floor."""
-        ring, faces, triangles = self._ring(points, part)
-        placed = self.built.place(ring)
-        low, high = (self._at(placed, height) for height in z)
-        count = len(ring)
-        here = np.arange(count)
-        there = np.roll(here, -1)
-        sides = [[here, there, there + count], [here, there + count, here + count]]
-        caps = np.array(triangles)
-        return Solid(
-            name=name,
-            vertices=np.concatenate([low, high]),
-            triangles=np.concatenate(
-                [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
-            ).astype(np.int32),
-            face=np.concatenate([faces, faces, np.full(2 * len(caps), NO_FACE)]).astype(np.int32),
-        )
+    def cast(self, name: str, convex: ConvexParts, z: tuple[float, float]) -> list[Solid]:
+        """The solids over convex parts of the drawn plan, between two heights above the floor."""
+        rings = self._rings(convex)
+        if not rings:
+            return []
+        placed = self.built.place(np.concatenate([ring.points for ring in rings]))
+        ends = np.cumsum([len(ring.points) for ring in rings])[:-1]
+        low, high = (np.split(self._at(placed, height), ends) for height in z)
+        return [
+            prism(f"{name}_{k}", bottom, top, ring.faces, ring.caps)
+            for k, (ring, bottom, top) in enumerate(zip(rings, low, high, strict=True))
+        ]
 
     def _at(self, placed: Array, height: float) -> Array:
         """(K, 3) world coordinates at a height above the floor, which may lie beyond the walls."""
@@ -73,16 +77,26 @@ class Mould:
         z = np.full(len(level), self.layout.storey.z_floor + height)
         return np.column_stack([level, z])
 
-    def _ring(
-        self, points: Array, part: ConvexPart
-    ) -> tuple[Array, NDArray[np.int64], list[tuple[int, ...]]]:
-        """The drawn ring, cut where the face changes; the face of each edge; the cap triangles."""
+    def _rings(self, convex: ConvexParts) -> list[_Ring]:
+        """The drawn ring of each part, cut where the face changes."""
         outline = self.layout.outline
-        corners = points[list(part.ring)]
-        following = np.roll(corners, -1, axis=0)
+        order = [corner for part in convex.parts for corner in part.ring]
+        after = [corner for part in convex.parts for corner in (*part.ring[1:], part.ring[0])]
+        corners, following = convex.points[order], convex.points[after]
+        if not order:
+            return []
         side = outline.side_under(corners, following)
         on = np.maximum(side, 0)
         spans = np.column_stack([outline.along(on, corners), outline.along(on, following)])
+        found, k = [], 0
+        for part in convex.parts:
+            own = slice(k, k + len(part.ring))
+            found.append(self._ring(part, corners[own], side[own], spans[own]))
+            k += len(part.ring)
+        return found
+
+    def _ring(self, part: ConvexPart, corners: Array, side: IntArray, spans: Array) -> _Ring:
+        outline = self.layout.outline
         ring: list[Array] = []
         faces: list[int] = []
         place: dict[int, int] = {}
@@ -97,8 +111,30 @@ class Mould:
             faces += [face for _, _, face in cuts]
             ends = [b if spans[k, 0] < spans[k, 1] else a for a, b, _ in cuts[:-1]]
             ring += [outline.start[side[k]] + t * outline.direction[side[k]] for t in ends]
-        triangles = [tuple(place[c] for c in triangle) for triangle in part.triangles]
-        return np.array(ring), np.array(faces, dtype=np.int64), triangles
+        caps = np.array([[place[c] for c in triangle] for triangle in part.triangles])
+        return _Ring(np.array(ring), np.array(faces, dtype=np.int64), caps)
+
+
+def prism(
+    name: str, low: Array, high: Array, faces: IntArray, caps: IntArray, cap: int = NO_FACE
+) -> Solid:
+    """The solid between two rings of corners (K, 3), anticlockwise from above.
+
+    faces: (K,) what its sides show; caps: (T, 3) corners of the triangles that fill a ring; cap:
+    what those show.
+    """
+    count = len(low)
+    here = np.arange(count)
+    there = np.roll(here, -1)
+    sides = [[here, there, there + count], [here, there + count, here + count]]
+    return Solid(
+        name=name,
+        vertices=np.concatenate([low, high]),
+        triangles=np.concatenate(
+            [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
+        ).astype(np.int32),
+        face=np.concatenate([faces, faces, np.full(2 * len(caps), cap)]).astype(np.int32),
+    )
 
 
 def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) -> list[Solid]:
@@ -135,9 +171,7 @@ def _cast_all(
 ) -> Iterator[Solid]:
     if polygons.is_empty:
         return
-    convex = convex_parts(polygons)
-    for k, part in enumerate(convex.parts):
-        yield mould.cast(f"{name}_{k}", convex.points, part, z)
+    yield from mould.cast(name, convex_parts(polygons), z)
 
 
 def _thickness(solid: Solid) -> float:
