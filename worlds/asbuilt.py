@@ -69,8 +69,9 @@ class AsBuilt:
 
     def place_polygon(self, polygon: Polygon, height: float) -> Polygon:
         """A drawn polygon as built, at a height above the floor."""
-        rings = [polygon.exterior, *polygon.interiors]
-        shell, *holes = (self.at_height(_corners(ring), height) for ring in rings)
+        rings = [_corners(ring) for ring in (polygon.exterior, *polygon.interiors)]
+        ends = np.cumsum([len(ring) for ring in rings])[:-1]
+        shell, *holes = np.split(self.at_height(np.concatenate(rings), height), ends)
         return Polygon(shell, holes)
 
     def at_height(self, points: Array, height: float) -> Array:
