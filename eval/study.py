@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from eval.files import whole_file
-from semantics.dataset import SAME_ROOM, SAME_WALL, DatasetConfig, Sample, labels_of
+from semantics.dataset import SAME_ROOM, SAME_WALL, DatasetConfig, Sample, buildings, labels_of
 from semantics.detector import CYCLES, LINKAGE, Clustering, DetectorConfig
 from semantics.edges import EdgeModel
 from semantics.layouts import LayoutConfig
@@ -29,11 +29,10 @@ from semantics.train import (
 )
 from semantics.walls import walls_of
 from slam.core import IntArray
-from worlds.generator import GeneratorConfig
 
 FAMILIES = {
-    "right-angled": DatasetConfig(layouts=40, views=3, generator=GeneratorConfig(shear=0.0)),
-    "sheared": DatasetConfig(layouts=40, views=3, generator=GeneratorConfig(shear=1.0)),
+    "right-angled": DatasetConfig(layouts=40, views=3, generator=buildings(shear=0.0)),
+    "sheared": DatasetConfig(layouts=40, views=3, generator=buildings(shear=1.0)),
 }
 """Buildings to test on."""
 TEST_SEED = 1_000_003
@@ -190,7 +189,7 @@ def study(config: StudyConfig, report: Progress) -> list[Row]:
 
     The training sets are of right-angled buildings only: the sheared ones stay unknown.
     """
-    ours = DatasetConfig(layouts=config.layouts, generator=GeneratorConfig(shear=0.0))
+    ours = DatasetConfig(layouts=config.layouts, generator=buildings(shear=0.0))
     sets = {
         "paper": draw(LayoutConfig(layouts=4 * config.layouts), config.seed, config.processes),
         "ours": draw(ours, config.seed, config.processes),

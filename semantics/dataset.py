@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from shapely.geometry import MultiPoint
 
 from semantics.preprocess import Pieces, Preprocessor
 from semantics.sight import SightConfig, seen, walk
@@ -30,6 +31,12 @@ NOISE = Path(__file__).parent / "plane_noise.csv"
 """Length of a mapped plane [m], how far it was turned [rad] and shifted [m] off the true one."""
 
 
+def buildings(shear: float) -> GeneratorConfig:
+    """Random buildings with more of what is hard than there is in most: L- and T-shapes, slanted
+    and round corners; shear: share of those whose walls do not meet at right angles."""
+    return GeneratorConfig(carve=0.25, join=0.12, chamfer=0.08, curve=0.4, shear=shear)
+
+
 @dataclass(frozen=True)
 class DatasetConfig:
     """layouts: buildings; views: samples of each, after different walks. Chances and sizes of what
@@ -39,16 +46,16 @@ class DatasetConfig:
     spacing [m] of points.
     """
 
-    layouts: int = 600
-    views: int = 4
+    layouts: int = 700
+    views: int = 3
     drop: float = 0.03
     noise: float = 0.7
     twin: float = 0.02
-    clutter: float = 0.25
+    clutter: float = 0.2
     join: float = 1.0
     spacing: float = 0.1
     sight: SightConfig = field(default_factory=SightConfig)
-    generator: GeneratorConfig = field(default_factory=lambda: GeneratorConfig(shear=0.15))
+    generator: GeneratorConfig = field(default_factory=lambda: buildings(shear=0.15))
 
     def draw(self, seed: np.random.SeedSequence) -> list[Sample]:
         """Every view of one building."""
@@ -248,9 +255,12 @@ def _clutter(
             left = np.array([-direction[1], direction[0]])
             corner = rng.uniform([low_x, low_y], [high_x, high_y])
             width, depth = rng.uniform(0.4, 1.8), rng.uniform(0.4, 1.0)
-            yield np.array([corner, corner + width * direction]), np.append(-left, 0.0)
+            ends = np.array([corner, corner + width * direction, corner + depth * left])
+            if not room.polygon.covers(MultiPoint(ends)):
+                continue
+            yield ends[[0, 1]], np.append(-left, 0.0)
             if rng.random() < 0.6:
-                yield np.array([corner, corner + depth * left]), np.append(-direction, 0.0)
+                yield ends[[0, 2]], np.append(-direction, 0.0)
 
 
 def _is_near(ends: Array, stops: Array, reach: float = 6.0) -> bool:

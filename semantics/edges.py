@@ -134,17 +134,19 @@ class LocalEdges:
     ) -> Edges:
         now = np.full(len(self._key), -1, dtype=np.int64)
         now[before[before >= 0]] = np.flatnonzero(before >= 0)
-        kept = now[self._edges.pairs]
-        stay = (kept >= 0).all(axis=1) & ~asked[kept].any(axis=1)
-        old = self._edges.take(stay)
+        old, kept = self._edges, now[self._edges.pairs]
+        there = (kept >= 0).all(axis=1)
+        old, kept = old.take(there), kept[there]
+        stay = ~asked[kept].any(axis=1)
+        old, kept = old.take(stay), np.sort(kept[stay], axis=1)
         if len(shown) == 0:
-            return Edges(_ordered(kept[stay]), old.room, old.wall)
+            return Edges(kept, old.room, old.wall)
         new = self._model(pieces.take(shown))
         new_pairs = shown[new.pairs]
         wanted = asked[new_pairs].any(axis=1)
         new = new.take(wanted)
         return Edges(
-            np.concatenate([_ordered(kept[stay]), new_pairs[wanted]]),
+            np.concatenate([kept, new_pairs[wanted]]),
             np.concatenate([old.room, new.room]),
             np.concatenate([old.wall, new.wall]),
         )
@@ -196,8 +198,3 @@ def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:
     found = np.zeros(len(pieces), dtype=bool)
     found[j[j >= count] - count] = True
     return found
-
-
-def _ordered(pairs: IntArray) -> IntArray:
-    """(P, 2) with the lower place first."""
-    return np.sort(pairs, axis=1)

@@ -77,8 +77,8 @@ def test_identical_and_parallel_planes_make_no_room():
 def test_unknown_names_and_absent_weights_are_refused(tmp_path):
     with pytest.raises(InputError, match="gnn-greedy"):
         make_detector("gnm")
-    with pytest.raises(InputError, match="same_room.npz"):
-        GnnDetector(DetectorConfig(weights=tmp_path))
+    with pytest.raises(InputError, match="gnn.npz"):
+        GnnDetector(DetectorConfig(weights=(tmp_path / "gnn.npz",)))
 
 
 def test_inference_loads_neither_worlds_nor_sim():
