@@ -12,6 +12,7 @@ import numpy as np
 from semantics.clusters import ClusterConfig, Clusters, agglomerate, is_room
 from semantics.cycles import cycles, has_opposed_sides, mean_centre
 from semantics.edges import EdgeModel, Edges, LocalEdges
+from semantics.habit import Habit
 from semantics.outline import room_outline
 from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor
 from semantics.tracker import RoomTracker, WallTracker
@@ -39,12 +40,14 @@ CYCLES = Clustering(cycles, has_opposed_sides, lambda sides, centre: mean_centre
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """weights: files of the networks, which together tell both relations."""
+    """weights: files of the networks, which together tell both relations; habit: log-odds by which
+    pieces that were in one room lean to be so again."""
 
     weights: tuple[Path, ...] = (WEIGHTS / "gnn.npz",)
     clustering: Clustering = LINKAGE
     clusters: ClusterConfig = field(default_factory=ClusterConfig)
     walls: WallConfig = field(default_factory=WallConfig)
+    habit: float = 1.0
     preprocess: PreprocessConfig = field(default_factory=PreprocessConfig)
 
 
@@ -77,6 +80,7 @@ class GnnDetector:
         self._preprocess = Preprocessor(config.preprocess)
         self._edges = LocalEdges(EdgeModel(config.weights))
         self._rooms, self._walls = RoomTracker(), WallTracker()
+        self._habit = Habit(config.habit)
         self._known_rooms = _Kept[RoomProposal | None]()
         self._known_walls = _Kept[WallProposal]()
 
@@ -85,7 +89,9 @@ class GnnDetector:
         config = self._config
         pieces = self._preprocess(view.planes)
         edges = self._edges(pieces)
-        clusters = config.clustering.group(len(pieces), edges.pairs, edges.room, config.clusters)
+        steady = self._habit.lean(pieces, edges)
+        clusters = config.clustering.group(len(pieces), edges.pairs, steady, config.clusters)
+        self._habit.remember(pieces, clusters)
         chosen = walls_of(pieces, edges.pairs, edges.wall, clusters.label, config.walls)
         rooms = self._find_rooms(pieces, clusters)
         walls = self._find_walls(pieces, edges.take(chosen))

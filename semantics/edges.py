@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from semantics.names import names_of, places_of
 from semantics.preprocess import Pieces, near_pairs
 from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
@@ -97,8 +98,8 @@ class LocalEdges:
 
     def __call__(self, pieces: Pieces) -> Edges:
         """All edges over these pieces."""
-        key = _keys(pieces)
-        before = _places(self._key, key)  # (M,) of each piece among the known ones, -1: new
+        key = names_of(pieces)
+        before = places_of(self._key, key)  # (M,) of each piece among the known ones, -1: new
         changed, gone = self._changes(pieces, before)
         asked, shown = self._surroundings(pieces, changed, gone)
         if len(shown) > self._config.most * len(pieces):
@@ -160,29 +161,6 @@ class LocalEdges:
             segment[~asked] = self._pieces.segment[before[~asked]]
             pieces = Pieces(pieces.plane_id, segment, pieces.normal, pieces.height)
         self._pieces, self._key = pieces, key
-
-
-def _keys(pieces: Pieces) -> IntArray:
-    """(M,) names of pieces: their plane, and the how-manieth of its pieces they are."""
-    order = np.argsort(pieces.plane_id, kind="stable")
-    sorted_ids = pieces.plane_id[order]
-    first = np.searchsorted(sorted_ids, sorted_ids)
-    number = np.empty(len(pieces), dtype=np.int64)
-    number[order] = np.arange(len(pieces)) - first
-    return pieces.plane_id * MOST_PIECES + np.minimum(number, MOST_PIECES - 1)
-
-
-MOST_PIECES = 1 << 12
-"""Of one plane that keep different names."""
-
-
-def _places(known: IntArray, wanted: IntArray) -> IntArray:
-    """(M,) where each of the wanted keys is among the known, -1 where it is not."""
-    if len(known) == 0:
-        return np.full(len(wanted), -1, dtype=np.int64)
-    order = np.argsort(known, kind="stable")
-    slot = np.minimum(np.searchsorted(known[order], wanted), len(known) - 1)
-    return np.where(known[order][slot] == wanted, order[slot], -1)
 
 
 def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:

@@ -11,17 +11,19 @@ from slam.core import PlanePiece, RoomProposal, WallProposal
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """overlap: least share of common length for two rooms to be one; patience: inferences without
+    """overlap: least share of common length, of the longer and of the shorter one, for two rooms to
+    be one; patience: inferences without
     evidence after which a room or wall is given up; taken: share of a missing room's pieces that
     others may have taken before it is given up at once."""
 
-    overlap: float = 0.3
+    overlap: tuple[float, float] = (0.3, 0.5)
     patience: int = 3
     taken: float = 0.5
 
 
 class RoomTracker:
-    """Matches found rooms to known ones by the length of wall that they share.
+    """Matches found rooms to known ones by the length of wall that they share; a room that was given
+    up and is found again gets its old id back.
 
     A room that comes as the very object it came as last time is known without looking.
     """
@@ -31,6 +33,7 @@ class RoomTracker:
         self._known: dict[int, RoomProposal] = {}
         self._sources: dict[int, RoomProposal] = {}
         self._missed: dict[int, int] = {}
+        self._retired: dict[int, RoomProposal] = {}
         self._next = 0
 
     def update(self, found: Sequence[RoomProposal]) -> tuple[RoomProposal, ...]:
@@ -41,26 +44,42 @@ class RoomTracker:
             for name, room in zip(names, found, strict=True)
         }
         kept = self._missing(named)
+        gone = {n: room for n, room in self._known.items() if n not in named and n not in kept}
+        self._retired = {n: r for n, r in {**self._retired, **gone}.items() if n not in named}
         self._sources = dict(zip(names, found, strict=True))
         self._known = dict(sorted({**named, **kept}.items()))
         return tuple(self._known.values())
 
     def _names(self, found: Sequence[RoomProposal]) -> list[int]:
-        """The id of each found room; the best matches choose first, the rest get new ones."""
+        """The id of each found room: of a known one, else of one that was given up, else new."""
         same = {id(room): name for name, room in self._sources.items()}
         names = [same.get(id(room)) for room in found]
-        free = {n: room for n, room in self._known.items() if n not in set(names)}
-        by_plane = _by_plane(free)
+        taken = set(names)
+        self._match(names, found, {n: r for n, r in self._known.items() if n not in taken})
+        self._match(names, found, self._retired)
+        return [self._new() if name is None else name for name in names]
+
+    def _match(
+        self,
+        names: list[int | None],
+        found: Sequence[RoomProposal],
+        rivals: Mapping[int, RoomProposal],
+    ) -> None:
+        """Gives found rooms without a name those of the rivals that they are most like."""
+        by_plane = _by_plane(rivals)
+        least_long, least_short = self._config.overlap
         scores = []
         for place, room in enumerate(found):
-            if names[place] is None:
-                rivals = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
-                scores += [(-_likeness(room, free[n]), place, n) for n in sorted(rivals)]
-        for score, place, name in sorted(scores):
-            if -score >= self._config.overlap and names[place] is None and name in free:
+            if names[place] is not None:
+                continue
+            near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
+            for name in sorted(near):
+                of_longer, of_shorter = _likeness(room, rivals[name])
+                if of_longer >= least_long and of_shorter >= least_short:
+                    scores.append((-of_longer, place, name))
+        for _, place, name in sorted(scores):
+            if names[place] is None and name not in names:
                 names[place] = name
-                del free[name]
-        return [self._new() if name is None else name for name in names]
 
     def _new(self) -> int:
         self._next += 1
@@ -157,9 +176,10 @@ def _by_planes(
     return found
 
 
-def _likeness(a: RoomProposal, b: RoomProposal) -> float:
-    """Share of the longer one's walls that is common to both."""
-    return common(a.pieces, b.pieces) / max(length(a.pieces), length(b.pieces))
+def _likeness(a: RoomProposal, b: RoomProposal) -> tuple[float, float]:
+    """Shares of the longer and of the shorter one's walls that are common to both."""
+    shared, sizes = common(a.pieces, b.pieces), sorted((length(a.pieces), length(b.pieces)))
+    return shared / sizes[1], shared / sizes[0]
 
 
 def _same_wall(a: WallProposal, b: WallProposal) -> bool:
