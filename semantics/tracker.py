@@ -22,7 +22,7 @@ class TrackerConfig:
 
 
 class RoomTracker:
-    """Matches found rooms to known ones by the length of wall that they share; a room that was given
+    """Matches found rooms to known ones by the length of wall that they share; one that was given
     up and is found again gets its old id back.
 
     A room that comes as the very object it came as last time is known without looking.

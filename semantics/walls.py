@@ -9,17 +9,23 @@ import numpy as np
 from semantics.preprocess import Pieces
 from slam.core import Array, IntArray
 
+MOST = np.radians(8.0)
+"""However short they are, faces of a wall are not further off parallel."""
+
 
 @dataclass(frozen=True)
 class WallConfig:
     """wall: least probability of a pair; gap: (least, largest) distance [m] of a wall's faces,
-    overlap: least common length [m], angle [rad]: between them.
+    overlap: least common length [m], angle [rad]: between them, as a wall is flat and its sides
+    parallel, and angle_noise [rad m] of it more per metre that the shorter one is short, as the
+    mapping is no better (measured: ``plane_noise.csv``).
     """
 
     wall: float = 0.5
     gap: tuple[float, float] = (0.03, 0.65)
     overlap: float = 0.3
-    angle: float = np.radians(8.0)
+    angle: float = np.radians(1.5)
+    angle_noise: float = np.radians(1.0)
 
 
 def walls_of(
@@ -46,10 +52,13 @@ def walls_of(
 
 def _back_to_back(pieces: Pieces, pairs: IntArray, config: WallConfig) -> Array:
     """(P,) length that two pieces have in common across a wall body [m]; 0 where there is none."""
-    opposed = np.einsum("pc,pc->p", *(pieces.normal[k] for k in pairs.T)) < -np.cos(config.angle)
+    length, normal = pieces.length, pieces.normal
+    shorter = np.minimum(length[pairs[:, 0]], length[pairs[:, 1]])
+    angle = config.angle + config.angle_noise / np.maximum(shorter, 0.1)
+    cosine = np.einsum("pc,pc->p", normal[pairs[:, 0]], normal[pairs[:, 1]])
+    opposed = cosine < -np.cos(np.minimum(angle, MOST))
     found = np.zeros(len(pairs))
     i, j = pairs[opposed].T
-    normal = pieces.normal
     away = pieces.centre[j] - pieces.centre[i]
     depth_i = -np.einsum("pc,pc->p", away, normal[i])
     depth_j = np.einsum("pc,pc->p", away, normal[j])
