@@ -40,7 +40,7 @@ class PreprocessConfig:
     gap: float = 1.8
     min_length: float = 0.35
     seen: float = 0.4
-    reach: float = 0.5
+    reach: float = 1.1
     inside: float = 0.25
     in_front: float = 0.3
     crossing: float = np.radians(30.0)
