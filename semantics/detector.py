@@ -105,7 +105,10 @@ class GnnDetector:
             return self._room(pieces.take(groups[place]), confidence[place])
 
         states = _states(pieces)
-        keys = [(states[group].tobytes(), c) for group, c in zip(groups, confidence, strict=True)]
+        keys = [
+            (states[group].tobytes(), round(c, 1))
+            for group, c in zip(groups, confidence, strict=True)
+        ]
         return [room for room in self._known_rooms(keys, make) if room is not None]
 
     def _room(self, sides: Pieces, confidence: float) -> RoomProposal | None:
@@ -123,7 +126,10 @@ class GnnDetector:
             return WallProposal(-1, (pieces.piece(i), pieces.piece(j)), float(edges.wall[place]))
 
         states = _states(pieces)[edges.pairs]
-        keys = [(state.tobytes(), c) for state, c in zip(states, edges.wall.tolist(), strict=True)]
+        keys = [
+            (state.tobytes(), round(c, 1))
+            for state, c in zip(states, edges.wall.tolist(), strict=True)
+        ]
         return self._known_walls(keys, make)
 
 
@@ -133,7 +139,8 @@ def _states(pieces: Pieces) -> Array:
 
 
 class _Kept(Generic[T]):
-    """What was made last time and comes again, as the same object."""
+    """What was made last time and comes again, as the same object: the same pieces, and a
+    confidence that is the same to a tenth."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[bytes, float], T] = {}

@@ -77,7 +77,7 @@ class LocalConfig:
     change edges are worked out again, and how far from those the network is let look [m]; least:
     share of pieces near a change from which all are done at once."""
 
-    still: float = 0.03
+    still: float = 0.05
     reach: float = 6.0
     most: float = 0.6
 

@@ -39,7 +39,7 @@ class NetworkConfig:
     channels: int = 32
     heads: int = 4
     hops: int = 2
-    hidden: int = 64
+    hidden: int = 32
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ class EdgeClassifier(nn.Module):
         sizes = [(config.node_size, config.edge_size)] + [(c, c)] * (config.hops - 1)
         self.hops = nn.ModuleList(Hop(v, e, c, config.heads) for v, e in sizes)
         self.first = Triple(c, c, config.hidden)
-        self.second = nn.Linear(config.hidden, config.hidden // 2)
-        self.third = nn.Linear(config.hidden // 2, 1 + len(config.relations))
+        self.second = nn.Linear(config.hidden, config.hidden)
+        self.third = nn.Linear(config.hidden, 1 + len(config.relations))
         self.node_scale = Standardise(config.node_size)
         self.edge_scale = Standardise(config.edge_size)
         self.apply(_xavier)
@@ -145,9 +145,10 @@ class EdgeClassifier(nn.Module):
         for hop in self.hops:
             v, e = hop(v, e, source, target)  # (N, C), (E, C)
         hidden = torch.relu(self.first(v, e, source, target))  # (E, hidden)
-        hidden = torch.relu(self.second(hidden))  # (E, hidden / 2)
         half = len(source) // 2
-        return self.third(0.5 * (hidden[:half] + hidden[half:]))  # (E / 2, 1 + R)
+        hidden = 0.5 * (hidden[:half] + hidden[half:])  # (E / 2, hidden)
+        hidden = torch.relu(self.second(hidden))  # (E / 2, hidden)
+        return self.third(hidden)  # (E / 2, 1 + R)
 
 
 def _xavier(module: nn.Module) -> None:
