@@ -1,8 +1,9 @@
 """How long one answer of the learned detector takes, by the size of the map.
 
 A map of rooms of 5 x 4 m side by side, as a perfect mapper would have it. Three cases: everything
-is new; one keyframe, which has touched what it saw and changed a few pieces of it (in simulated runs
-it is 1 in the median and 4 in the ninth decile); and every plane has moved, as after a loop closure.
+is new; one keyframe, which has touched what it saw and changed a few pieces of it (in simulated
+runs it is 1 in the median and 4 in the ninth decile); and every plane has moved, as after a loop
+closure.
 """
 
 from __future__ import annotations
