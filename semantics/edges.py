@@ -52,7 +52,7 @@ class EdgeModel:
         from semantics.network import probabilities
 
         graph = proximity_graph(pieces, self._features, self._neighbours)
-        told = {}
+        told: dict[str, Array] = {}
         for model, temperature in self._networks:
             columns = probabilities(model, temperature, graph).T
             told.update(zip(model.config.relations, columns, strict=True))
@@ -136,15 +136,15 @@ class LocalEdges:
         now = np.full(len(self._key), -1, dtype=np.int64)
         now[before[before >= 0]] = np.flatnonzero(before >= 0)
         old, kept = self._edges, now[self._edges.pairs]
-        there = (kept >= 0).all(axis=1)
+        there = np.asarray((kept >= 0).all(axis=1))
         old, kept = old.take(there), kept[there]
-        stay = ~asked[kept].any(axis=1)
+        stay = np.asarray(~asked[kept].any(axis=1))
         old, kept = old.take(stay), np.sort(kept[stay], axis=1)
         if len(shown) == 0:
             return Edges(kept, old.room, old.wall)
         new = self._model(pieces.take(shown))
         new_pairs = shown[new.pairs]
-        wanted = asked[new_pairs].any(axis=1)
+        wanted = np.asarray(asked[new_pairs].any(axis=1))
         new = new.take(wanted)
         return Edges(
             np.concatenate([kept, new_pairs[wanted]]),

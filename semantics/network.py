@@ -62,7 +62,9 @@ class Triple(nn.Linear):
         super().__init__(2 * node_size + edge_size, channels)
         self.sizes = [node_size, edge_size, node_size]
 
-    def forward(self, v: Tensor, e: Tensor, source: Tensor, target: Tensor) -> Tensor:
+    def forward(  # type: ignore[override]
+        self, v: Tensor, e: Tensor, source: Tensor, target: Tensor
+    ) -> Tensor:
         """v: (N, node_size), e: (E, edge_size) -> (E, channels)."""
         of_source, of_edge, of_target = self.weight.split(self.sizes, dim=1)
         there = nn.functional.linear(v, of_target)[target]  # (E, channels)

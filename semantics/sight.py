@@ -47,9 +47,9 @@ def walk(truth: Truth, rng: np.random.Generator, config: SightConfig) -> Array:
         ways = [(there, at) for there, at in ways if there not in visited]
         if not ways:
             break
-        room, door = ways[int(rng.integers(len(ways)))]
+        room, doorway = ways[int(rng.integers(len(ways)))]
         visited.add(room)
-        stops += [door, *_stops(truth, room, rng, config)]
+        stops += [doorway, *_stops(truth, room, rng, config)]
     return np.array(stops[: max(1, len(stops) - int(rng.integers(3)))])
 
 

@@ -27,12 +27,16 @@ def train(
     out: Annotated[
         Path | None, Option(help="Where the weights go (default: those that the detectors use).")
     ] = None,
+    judge: Annotated[
+        bool,
+        Option("--judge", help="Train nothing: judge the weights that ship on held-out buildings."),
+    ] = False,
     study: Annotated[
         bool,
         Option(
             "--study",
-            help="Ship nothing: train every combination of features, networks and "
-            "training set on few layouts, and write a table of what each is worth.",
+            help="Ship nothing: train every combination of features, networks and training set on "
+            "few layouts, and write a table of what each is worth.",
         ),
     ] = False,
 ) -> None:
@@ -43,7 +47,9 @@ def train(
     from rich.console import Console
 
     console = Console()
-    if study:
+    if judge:
+        _judge(console, out or Path())
+    elif study:
         _study(console, seed, layouts, epochs, out or Path())
     else:
         _train(console, _config(preset, seed, layouts, epochs, out), (out or Path()))
@@ -57,7 +63,9 @@ def _config(
     from semantics.train import preset_named
 
     config = preset_named(preset)
-    dataset = config.dataset if layouts is None else replace(config.dataset, layouts=layouts)
+    dataset = config.dataset
+    if layouts is not None:
+        dataset = replace(dataset, layouts=layouts)  # type: ignore[type-var]
     return replace(
         config,
         dataset=dataset,
@@ -103,6 +111,27 @@ def _study(
     console.print(str(path), markup=False, highlight=False, soft_wrap=True)
 
 
+def _judge(console: Console, folder: Path) -> None:
+    from eval.confusion import confusion_png
+    from eval.study import Row, held_out
+    from eval.study import judge as judged
+    from semantics.detector import CONSERVATIVE, PRESETS
+
+    tests = held_out(processes=2)
+    console.print(
+        _table(
+            [
+                Row("", name, "", "", family, judged(preset, drawn))
+                for family, drawn in tests.items()
+                for name, preset in PRESETS.items()
+            ]
+        )
+    )
+    for family, drawn in tests.items():
+        path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
+        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
 def _errors() -> Console:
     from rich.console import Console
 
@@ -110,7 +139,7 @@ def _errors() -> Console:
 
 
 def _table(rows: list[Row]) -> object:
-    """Precision / recall of edges, rooms and walls by combination."""
+    """Precision / recall of edges, rooms and walls, and calibration errors, by combination."""
     from rich.table import Table
 
     table = Table(box=None)
@@ -118,6 +147,7 @@ def _table(rows: list[Row]) -> object:
         table.add_column(name)
     for name in ("room edges", "wall edges", "rooms", "walls"):
         table.add_column(f"{name} P / R", justify="right")
+    table.add_column("calibration", justify="right")
     for row in sorted(rows, key=lambda row: row.family):
         r = row.result
         table.add_row(
@@ -130,5 +160,6 @@ def _table(rows: list[Row]) -> object:
             f"{r.wall_edge_precision:.3f} / {r.wall_edge_recall:.3f}",
             f"{r.room_precision:.3f} / {r.room_recall:.3f}",
             f"{r.wall_precision:.3f} / {r.wall_recall:.3f}",
+            f"{r.room_calibration:.3f} / {r.wall_calibration:.3f}",
         )
     return table
