@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.train import train
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -136,44 +137,7 @@ def run(
     show_result(Console(), result.metrics, result.folder)
 
 
-@app.command()
-def train(
-    seed: Annotated[int, Option(help="Of the training set and of the weights.")] = 0,
-    layouts: Annotated[int, Option(help="Buildings in the training set.")] = 1200,
-    epochs: Annotated[int, Option(help="Passes over the training set.")] = 18,
-    out: Annotated[
-        Path | None, Option(help="Where the weights go (default: those that the detector uses).")
-    ] = None,
-) -> None:
-    """Make the training set and train both networks; writes weights and a picture of the curves."""
-    for name, value, least in (("seed", seed, 0), ("layouts", layouts, 10), ("epochs", epochs, 1)):
-        if value < least:
-            raise typer.BadParameter(f"{name}: expected {least} or more, got {value}")
-    from rich.console import Console
-
-    from eval.curves import curves_png
-    from eval.screen import RunProgress
-    from semantics.dataset import DatasetConfig
-    from semantics.detector import WEIGHTS
-    from semantics.train import TrainConfig
-    from semantics.train import train as train_networks
-
-    folder = out or WEIGHTS
-    config = TrainConfig(
-        dataset=DatasetConfig(layouts=layouts), seed=seed, epochs=epochs, folder=folder
-    )
-    with RunProgress("training", Console(stderr=True), "%") as progress:
-        result = train_networks(config, lambda _, share: progress(100.0 * share, 100.0))
-    picture = curves_png(result.curves, (Path() if out is None else out) / "training.png")
-    console = Console()
-    for curve in result.curves:
-        console.print(
-            f"{curve.relation}: epoch {curve.best + 1} of {epochs}, validation precision "
-            f"{curve.precision[curve.best]:.3f}, recall {curve.recall[curve.best]:.3f}",
-            highlight=False,
-        )
-    for path in (*result.files, picture):
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+app.command()(train)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -60,6 +60,8 @@ def _vgicp() -> Odometry:
 DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "gnn": _trained("gnn"),
     "gnn-greedy": _trained("gnn-greedy"),
+    "paper": _trained("paper"),
+    "paper-greedy": _trained("paper-greedy"),
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }

@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "eval": PACKAGES,
 }
 # The training set is made of generated plans; what runs on a robot knows nothing of them.
-TRAINING = ("semantics/dataset.py", "semantics/train.py")
+TRAINING = ("semantics/dataset.py", "semantics/sight.py", "semantics/train.py")
 
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 HEAVY = {"torch", "open3d", "rerun", "matplotlib", "mujoco", "gtsam", "scipy", "numpy", "rich"}

@@ -68,3 +68,24 @@ def test_a_wall_that_another_one_covers_is_given_up_at_once():
     ]
     assert len(tracker.update(halves)) == 2
     assert len(tracker.update([WallProposal(-1, (piece(0), piece(1)), 0.9)])) == 1
+
+
+def test_a_room_that_was_given_up_and_comes_again_has_its_old_id():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2), room(3, 4, 5)])
+    for _ in range(4):
+        tracker.update([room(3, 4, 5)])
+    assert ids(tracker.update([room(3, 4, 5)])) == [1]
+    assert ids(tracker.update([room(0, 1, 2), room(3, 4, 5), room(6, 7, 8)])) == [0, 1, 2]
+
+
+def test_a_neighbour_that_shares_one_long_wall_does_not_inherit_the_id():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2)])
+    assert ids(tracker.update([room(2, 7, 8)])) == [0, 1]
+
+
+def test_the_same_object_is_the_same_room_and_keeps_its_object():
+    tracker, one = RoomTracker(), room(0, 1, 2)
+    first, second = tracker.update([one]), tracker.update([one])
+    assert second[0] is first[0]
