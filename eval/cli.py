@@ -20,7 +20,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
+Scene = Annotated[
+    str, typer.Argument(help="A name of the catalogue, a plan file, or a scenario file (.toml).")
+]
 Option = typer.Option
 
 
@@ -65,8 +67,12 @@ def _draw_scene(scene: str, path: Path) -> Path:
 
 @app.command()
 def run(
+    context: typer.Context,
     scene: Scene,
     seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
+    seeds: Annotated[
+        str | None, Option(help="Several, as 0,1,2 or 0-9: OUT/sN for each, and a table.")
+    ] = None,
     out: Annotated[
         Path | None, Option(help="The output folder (default: runs/SCENE-DETECTOR-sN).")
     ] = None,
@@ -97,8 +103,12 @@ def run(
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
     ] = None,
-) -> None:
+) -> int:
     """Drive through a scene, map it, and score the map."""
+    if seeds is not None or scene.endswith(".toml"):
+        from eval.commands.scenario import run_command
+
+        return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,
         seed=seed,
@@ -128,6 +138,17 @@ def run(
 
         result = run_loop(config, progress)
     show_result(Console(), result.metrics, result.folder)
+    return 0
+
+
+def _given(context: typer.Context) -> dict[str, object]:
+    """The options that stand on the command line, without those that have their default."""
+    return {
+        name: value
+        for name, value in context.params.items()
+        if name not in ("scene", "seeds")
+        and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
 
 
 @app.command()
