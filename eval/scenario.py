@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import NoReturn
 
 from eval.bounds import Bound, parse_bound
 from eval.config import RunConfig, slug
@@ -16,7 +17,7 @@ from slam.core import InputError
 SHIPPED = Path(__file__).parent / "scenarios"
 """The sets that come with roomloop: ``smoke`` and ``full``."""
 
-NOT_IN_FILES = ("seed", "out", "cache")
+NOT_IN_FILES = ("out", "cache")
 """Fields of RunConfig that a scenario file does not set: they belong to whoever runs it."""
 BESIDE_THE_RUN = ("seeds", "expect", "markers", "description")
 """Keys beside those of RunConfig. pytest reads markers; people read description."""
@@ -74,7 +75,7 @@ def read_scenario(argument: str, **flags: object) -> Scenario:
     bounds = _bounds(path, values.pop("expect", {}))
     for key in ("markers", "description"):
         values.pop(key, None)
-    seeds = _seeds(path, values.pop("seeds", [0]))
+    seeds = _seeds(path, values)
     if "seed" in flags:
         seeds = (flags["seed"],)  # type: ignore[assignment]  # RunConfig checks it
     values["scene"] = _scene(path, values.get("scene"))
@@ -82,7 +83,9 @@ def read_scenario(argument: str, **flags: object) -> Scenario:
         config = RunConfig(**(values | flags | {"seed": seeds[0]}))  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return Scenario(path.name.removesuffix(".toml").removesuffix(".scenario"), config, seeds, bounds)
+    return Scenario(
+        path.name.removesuffix(".toml").removesuffix(".scenario"), config, seeds, bounds
+    )
 
 
 def _table(path: Path) -> dict[str, object]:
@@ -108,11 +111,20 @@ def _scene(path: Path, scene: object) -> str:
     return str(beside) if beside.is_file() or Path(scene).suffix else scene
 
 
-def _seeds(path: Path, seeds: object) -> tuple[int, ...]:
-    whole = isinstance(seeds, list) and all(type(seed) is int for seed in seeds)
-    if not whole or not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):  # type: ignore
-        refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {seeds!r}")
-    return tuple(seeds)  # type: ignore[arg-type]
+def _seeds(path: Path, values: dict[str, object]) -> tuple[int, ...]:
+    """Takes ``seeds``, or the one ``seed``, out of the values."""
+    if "seeds" in values and "seed" in values:
+        refuse(f"{path}: seeds: expected seed or seeds, found both")
+    seeds = values.pop("seeds", [values.pop("seed", 0)])
+    if not isinstance(seeds, list) or not all(type(s) is int and s >= 0 for s in seeds):
+        _refuse_seeds(path, seeds)
+    if not seeds or len(set(seeds)) < len(seeds):
+        _refuse_seeds(path, seeds)
+    return tuple(seeds)
+
+
+def _refuse_seeds(path: Path, seeds: object) -> NoReturn:
+    refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {seeds!r}")
 
 
 def _bounds(path: Path, table: object) -> tuple[Bound, ...]:
