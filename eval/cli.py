@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.ablate import ablate
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -189,6 +190,9 @@ def train(
         )
     for path in (*result.files, picture):
         console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+app.command()(ablate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -42,6 +43,11 @@ def read_config(path: Path) -> RunConfig:
     path = path / CONFIG_FILE if path.is_dir() else path
     values = dict(read_json(path))
     check(values.pop("schema", None) == SCHEMA, path, "schema", repr(SCHEMA))
+    return config_of(values, path)
+
+
+def config_of(values: Mapping[str, object], path: Path) -> RunConfig:
+    """The RunConfig with these fields. Raises InputError that names the file."""
     names = {item.name for item in fields(RunConfig)}
     for name in values.keys() - names:
         check(False, path, name, f"one of {', '.join(sorted(names))}")

@@ -20,6 +20,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from eval.metrics import Metrics, StageTime
     from eval.scenario import Scenario
+    from eval.tables import Sheet
     from worlds.catalogue import SceneCounts
 
 OUR_PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
@@ -192,6 +193,19 @@ def seeds_table(scenario: Scenario, runs: Mapping[int, Metrics]) -> Table:
         )
     table.add_section()
     table.add_row("mean", "", *(number(mean_of(column), "{:.4g}") for column in columns))
+    return table
+
+
+def sheet_table(sheet: Sheet) -> Table:
+    """A table of texts, its first columns to the left."""
+    table = Table(box=SIMPLE_HEAD, title=sheet.title, title_justify="left", padding=(0, 1, 0, 0))
+    for name in sheet.head:
+        left = name in ("variant", "metric", "against", "verdict")
+        table.add_column(name, justify="left" if left else "right")
+    for place, row in enumerate(sheet.rows):
+        if place in sheet.rules:
+            table.add_section()
+        table.add_row(*row)
     return table
 
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 from fakes import metrics, metrics_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.bounds import COMPARISONS, Bound, check_bounds, parse_bound
@@ -48,6 +48,7 @@ def test_a_value_is_found_by_its_name() -> None:
 # --- bounds ---------------------------------------------------------------------------------------
 
 
+@settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from(sorted(COMPARISONS)),
     st.floats(-1e6, 1e6),
