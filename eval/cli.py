@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from eval.commands.ablate import ablate
+from eval.commands.compare import compare
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -193,6 +194,7 @@ def train(
 
 
 app.command()(ablate)
+app.command()(compare)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -26,7 +26,7 @@ def forest_png(result: Result) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    metrics = [m for m in result.ablation.metrics if _of(result, m)]
+    metrics = [m for m in result.ablation.metrics if any(c.difference for c in _of(result, m))]
     lines = max(1, -(-len(metrics) // COLUMNS))
     height = 1.0 + lines * (0.8 + 0.32 * max(1, len(result.ablation.pairs)))
     figure = Figure(figsize=(13.0, height), layout="constrained")

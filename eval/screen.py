@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
@@ -197,15 +198,17 @@ def seeds_table(scenario: Scenario, runs: Mapping[int, Metrics]) -> Table:
 
 
 def sheet_table(sheet: Sheet) -> Table:
-    """A table of texts, its first columns to the left."""
-    table = Table(box=SIMPLE_HEAD, title=sheet.title, title_justify="left", padding=(0, 1, 0, 0))
+    """A table of texts."""
+    from eval.tables import LEFT
+
+    title = escape(sheet.title)
+    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", padding=(0, 1, 0, 0))
     for name in sheet.head:
-        left = name in ("variant", "metric", "against", "verdict")
-        table.add_column(name, justify="left" if left else "right")
+        table.add_column(escape(name), justify="left" if name in LEFT else "right")
     for place, row in enumerate(sheet.rows):
         if place in sheet.rules:
             table.add_section()
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     return table
 
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from eval.ablation import Comparison, Level, Result
 from eval.stats import Interval
 
+LEFT = ("variant", "metric", "against", "verdict")
+"""Columns of words: they stand to the left, numbers to the right."""
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -121,16 +123,15 @@ NOTE = (
 )
 
 
-def markdown(sheets: Sequence[Sheet]) -> str:
+def markdown(sheets: Sequence[Sheet], note: str = NOTE) -> str:
     """Sheets as Markdown, with what the columns mean."""
     parts = [f"## {s.title}\n\n{_markdown_table(s)}" for s in sheets]
-    return "\n".join([*parts, NOTE, ""])
+    return "\n".join([*parts, f"{note}\n" if note else ""])
 
 
 def _markdown_table(sheet: Sheet) -> str:
-    left = len([name for name in sheet.head if name in ("variant", "metric", "against")])
-    align = ["---"] * left + ["---:"] * (len(sheet.head) - left)
-    lines = [sheet.head, tuple(align), *sheet.rows]
+    align = tuple("---" if name in LEFT else "---:" for name in sheet.head)
+    lines = [sheet.head, align, *sheet.rows]
     return "".join("| " + " | ".join(_escaped(c, "|") for c in line) + " |\n" for line in lines)
 
 
@@ -146,8 +147,7 @@ def latex(sheets: Sequence[Sheet]) -> str:
 
 
 def _latex_table(sheet: Sheet) -> str:
-    left = len([name for name in sheet.head if name in ("variant", "metric", "against")])
-    columns = "l" * left + "r" * (len(sheet.head) - left)
+    columns = "".join("l" if name in LEFT else "r" for name in sheet.head)
     lines = []
     for place, row in enumerate(sheet.rows):
         lines += ["\\midrule"] if place in sheet.rules else []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from eval.names import refuse
-from eval.sweep.job import Job, fingerprint
+from eval.sweep.job import Job, Row, fingerprint
 from eval.sweep.work import Done, work
 from slam.core import InputError, RunError
 
@@ -19,7 +19,7 @@ class DaskWorkers:
     """The workers behind a scheduler's address. Raises InputError if they cannot be used.
 
     A job whose worker dies is given to another by Dask itself; after its ``allowed-failures``
-    (3 unless configured) the job comes back as lost.
+    (3 unless configured) it has failed.
     """
 
     def __init__(self, address: str, runner: str):
@@ -50,7 +50,8 @@ class DaskWorkers:
         """Answers, as soon as there are some. Raises RunError if the cluster is gone."""
         from distributed import wait
 
-        wait(list(self._jobs), return_when="FIRST_COMPLETED")
+        with self._client.as_current():
+            wait(list(self._jobs), return_when="FIRST_COMPLETED")
         ended = [future for future in self._jobs if future.status != "pending"]
         return [self._answer(future) for future in ended]
 
@@ -61,8 +62,9 @@ class DaskWorkers:
             assert isinstance(done, Done)
             return done
         if future.status == "error":
-            return Done(job, None)
-        raise RunError("cluster: the connection to the scheduler is lost")
+            error = " ".join(str(future.exception()).split())
+            return Done(job, Row(job.config, "failed", f"its worker died: {error}", 0.0, None))
+        raise RunError("cluster: the connection to the scheduler is lost; what was done is kept")
 
     def close(self) -> None:
         """Lets go of the cluster, which goes on for others."""

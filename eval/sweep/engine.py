@@ -126,6 +126,7 @@ def sweep(
     asked = [Job(config) for config in configs]
     jobs = list({job.key: job for job in asked}.values())
     with open_store(settings.folder) as store:
+        store.plan(jobs)
         rows = store.load(jobs)
         todo = [job for job in jobs if job.key not in rows]
         if todo:

@@ -43,17 +43,18 @@ class Store:
         """Where runs of this machine write what is not kept; emptied by the next sweep."""
         return self.folder / ".scratch"
 
+    def plan(self, jobs: Sequence[Job]) -> None:
+        """Says which runs the folder is about; it may hold others, of earlier sweeps."""
+        tree = {"schema": SCHEMA, "runs": [job.key for job in jobs]}
+        write_text(self.folder / MARK_FILE, json.dumps(tree, indent=1) + "\n")
+
     def load(self, jobs: Sequence[Job]) -> dict[str, Row]:
         """The jobs that have been done already: key -> row. Raises InputError."""
-        files = {job.key: self._file(job.key) for job in jobs}
-        return {key: row_of(read_json(f), f) for key, f in files.items() if f.exists()}
+        return read_rows(self.folder, [job.key for job in jobs])
 
     def add(self, job: Job, row: Row) -> None:
         """Keeps a result. Raises InputError where it cannot be written."""
-        write_text(self._file(job.key), row_text(row))
-
-    def _file(self, key: str) -> Path:
-        return self.folder / "runs" / f"{key}.json"
+        write_text(_file(self.folder, job.key), row_text(row))
 
     def write_table(self, rows: Sequence[Row]) -> tuple[Path, ...]:
         """Writes the table of all rows, in their order: CSV, and Parquet where pyarrow is there."""
@@ -61,6 +62,24 @@ class Store:
         table = table_of(rows)
         write_text(csv_file, csv_text(table))
         return (csv_file, parquet_file) if _write_parquet(table, parquet_file) else (csv_file,)
+
+
+def _file(folder: Path, key: str) -> Path:
+    return folder / "runs" / f"{key}.json"
+
+
+def read_rows(folder: Path, keys: Sequence[str]) -> dict[str, Row]:
+    """Those of some runs that a sweep's folder holds: key -> row. Raises InputError."""
+    files = {key: _file(folder, key) for key in keys}
+    return {key: row_of(read_json(f), f) for key, f in files.items() if f.exists()}
+
+
+def planned(folder: Path) -> list[str]:
+    """The keys of the runs that a sweep's folder is about. Raises InputError."""
+    mark = folder / MARK_FILE
+    keys = read_json(mark).get("runs", [])
+    check(isinstance(keys, list) and all(isinstance(k, str) for k in keys), mark, "runs", "keys")
+    return keys  # type: ignore[return-value]
 
 
 @contextmanager
@@ -78,7 +97,6 @@ def open_store(folder: Path) -> Iterator[Store]:
         raise InputError(f"out: {folder} cannot be written: {error.strerror or error}") from error
     try:
         _lock(lock, folder)
-        write_text(folder / MARK_FILE, json.dumps({"schema": SCHEMA}) + "\n")
         for part in folder.rglob(".*.part"):
             part.unlink(missing_ok=True)
         yield Store(folder)
