@@ -11,6 +11,7 @@ import typer
 
 from eval.commands.ablate import ablate
 from eval.commands.compare import compare
+from eval.commands.score import score
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -195,6 +196,7 @@ def train(
 
 app.command()(ablate)
 app.command()(compare)
+app.command()(score)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

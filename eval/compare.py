@@ -61,7 +61,7 @@ def _run_row(file: Path) -> Row:
 
 def _config(metrics: Metrics) -> RunConfig:
     """What metrics say of their run."""
-    names = ("scene", "seed", "sensor", "conditions", "layers", "factors")
+    names = ("scene", "seed", "sensor", "conditions")
     return RunConfig(**{name: getattr(metrics, name) for name in names})
 
 
