@@ -59,9 +59,7 @@ def test_a_job_is_named_by_what_its_result_depends_on(tmp_path: Path) -> None:
     assert len({key, *(Job(other).key for other in others)}) == 4
 
 
-def test_a_job_follows_its_plan_and_its_users_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_job_follows_its_plan(tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     plan.write_text("{}")
     before = Job(RunConfig(str(plan))).key
