@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 OUR_PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
 PLAIN_STEPS = 10
+WIDE = 400
+"""Columns of a table that is not shown on a terminal, at most."""
 
 
 class RunProgress:
@@ -197,19 +199,25 @@ def seeds_table(scenario: Scenario, runs: Mapping[int, Metrics]) -> Table:
     return table
 
 
-def sheet_table(sheet: Sheet) -> Table:
-    """A table of texts."""
+def output() -> Console:
+    """Standard output; wide enough for every table where no terminal limits it."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDE)
+
+
+def show_sheet(console: Console, sheet: Sheet) -> None:
+    """A table of texts under its title."""
     from eval.tables import LEFT
 
-    title = escape(sheet.title)
-    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", padding=(0, 1, 0, 0))
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in sheet.head:
         table.add_column(escape(name), justify="left" if name in LEFT else "right")
     for place, row in enumerate(sheet.rows):
         if place in sheet.rules:
             table.add_section()
         table.add_row(*map(escape, row))
-    return table
+    line(console, sheet.title)
+    console.print(table)
 
 
 def show_result(console: Console, metrics: Metrics, folder: Path) -> None:

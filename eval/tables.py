@@ -24,6 +24,12 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
     rules: frozenset[int] = frozenset()
 
+    def without(self, *names: str) -> Sheet:
+        """A narrower table."""
+        kept = [place for place, name in enumerate(self.head) if name not in names]
+        rows = tuple(tuple(row[place] for place in kept) for row in self.rows)
+        return Sheet(self.title, tuple(self.head[place] for place in kept), rows, self.rules)
+
 
 def level_sheet(result: Result, metric: str) -> Sheet:
     """A metric's mean and standard deviation over seeds: variants down, scenes across."""
@@ -35,7 +41,8 @@ def level_sheet(result: Result, metric: str) -> Sheet:
         cells = [_mean_and_deviation(level, scene, scale) for scene in scenes]
         rows.append((variant.name, *cells, _number(level.overall, scale), str(level.failed)))
     seeds = len(result.ablation.seeds)
-    title = f"{metric}{f' [{unit}]' if unit else ''}: mean and standard deviation of {seeds} seeds"
+    of = f"{seeds} seeds" if seeds > 1 else "one seed"
+    title = f"{metric}{f' [{unit}]' if unit else ''}: mean and standard deviation of {of}"
     return Sheet(title, ("variant", *scenes, "mean", "failed"), tuple(rows))
 
 

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from eval.ablation import Ablation, Result
     from eval.sweep.engine import State
 
+IN_THE_FILES = ("effect", "below/above", "scenes", "p")
+"""Columns that a terminal would be too narrow for."""
+
 Option = typer.Option
 Listed = str | None
 
@@ -57,7 +60,7 @@ def ablate(
 
     from eval.ablation import METRICS, evaluate
     from eval.scenario import parse_seeds
-    from eval.screen import our_warnings_only
+    from eval.screen import our_warnings_only, output
     from eval.sweep.engine import SweepConfig, sweep
 
     screen = Console(stderr=True)
@@ -81,7 +84,7 @@ def ablate(
     rows = sweep(ablation.configs, settings, _Watch(screen))
     result = evaluate(ablation, rows)
     files = write_report(result, folder)
-    _show(Console(), result, [row.error for row in rows if row.error], files)
+    _show(output(), result, [row.error for row in rows if row.error], files)
     return 0
 
 
@@ -179,13 +182,13 @@ def write_report(result: Result, folder: Path) -> list[Path]:
 
 
 def _show(console: Console, result: Result, errors: Sequence[str], files: Sequence[Path]) -> None:
-    from eval.screen import line, sheet_table
+    from eval.screen import line, show_sheet
     from eval.tables import NOTE, difference_sheet, level_sheet
 
     for metric in result.ablation.metrics[:1]:
-        console.print(sheet_table(level_sheet(result, metric)))
+        show_sheet(console, level_sheet(result, metric))
     if result.comparisons:
-        console.print(sheet_table(difference_sheet(result)))
+        show_sheet(console, difference_sheet(result).without(*IN_THE_FILES))
         line(console, NOTE)
     for error in dict.fromkeys(errors):
         line(console, f"failed ({errors.count(error)}): {error}")

@@ -34,7 +34,7 @@ def compare(
     from eval.compare import GATE, change_sheet, read_results, regressions
     from eval.compare import compare as compare_results
     from eval.files import write_text
-    from eval.screen import line, sheet_table
+    from eval.screen import line, output, show_sheet
     from eval.tables import markdown as markdown_of
     from eval.values import check_metric
 
@@ -43,8 +43,8 @@ def compare(
     names = [check_metric("metrics", n.strip()) for n in metrics.split(",")] if metrics else GATE
     verdict = compare_results(read_results(a), read_results(b), names, tolerance)
     sheet = change_sheet(verdict)
-    console, screen = Console(), Console(stderr=True)
-    console.print(sheet_table(sheet))
+    console, screen = output(), Console(stderr=True)
+    show_sheet(console, sheet)
     if verdict.left_out:
         line(console, f"{verdict.left_out} runs have no partner in the other set")
     if markdown is not None:

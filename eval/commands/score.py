@@ -41,12 +41,10 @@ def score(
     A trajectory is aligned with the true one, and the map and the rooms with it; without a
     trajectory they are taken to be in the scene's own frame. What does not apply is null.
     """
-    from rich.console import Console
-
     from eval.files import write_text
     from eval.outputs import metrics_json
     from eval.score_foreign import score_foreign
-    from eval.screen import line, sheet_table
+    from eval.screen import line, output, show_sheet
 
     if trajectory is map is rooms is dsg is None:
         refuse("score: expected at least one of --trajectory, --map, --rooms and --dsg")
@@ -58,8 +56,8 @@ def score(
     config = RunConfig(scene, seed=seed, conditions=conditions, storey=storey)
     config, true_poses = _truth(config, truth)
     metrics = score_foreign(config, true_poses, _foreign(trajectory, map, rooms, dsg, frame))
-    console = Console()
-    console.print(sheet_table(score_sheet(metrics)))
+    console = output()
+    show_sheet(console, score_sheet(metrics))
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "metrics.json", metrics_json(metrics))

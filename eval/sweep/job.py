@@ -21,14 +21,19 @@ from worlds.catalogue import file_sha256, scene_path
 PACKAGES = ("numpy", "scipy", "shapely", "mujoco", "open3d", "kiss-icp", "gtsam", "torch")
 NOT_OF_THE_RESULT = ("out", "save", "cache")
 """Fields of a configuration that change nothing in the metrics."""
+AROUND_THE_RUN = (
+    *("ablation", "batch", "bounds", "cli", "compare", "curves", "foreign", "forest", "picture"),
+    *("recording", "scenario", "score_foreign", "screen", "sinks", "stats", "tables"),
+)
+"""Modules of eval that change nothing in them either."""
 
 
 @cache
 def fingerprint() -> str:
     """Of all that computes a run: our sources, the trained weights, and the libraries' versions."""
     root = Path(__file__).parents[2]
-    # Of eval only the modules themselves: commands, tables and pictures change no number.
-    files = [*sorted((root / "eval").glob("*.py")), *sorted((root / "semantics").rglob("*.npz"))]
+    files = [f for f in sorted((root / "eval").glob("*.py")) if f.stem not in AROUND_THE_RUN]
+    files += sorted((root / "semantics").rglob("*.npz"))
     parts = [code_hash(package) for package in ("worlds", "sim", "slam", "semantics")]
     parts += [hashlib.sha256(path.read_bytes()).hexdigest() for path in files]
     return hashlib.sha256("\n".join([*parts, *map(_version, PACKAGES)]).encode()).hexdigest()
