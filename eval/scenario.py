@@ -13,6 +13,7 @@ from eval.bounds import Bound, parse_bound
 from eval.config import RunConfig, slug
 from eval.names import refuse, unknown
 from slam.core import InputError
+from worlds.catalogue import scene_names
 
 SHIPPED = Path(__file__).parent / "scenarios"
 """The sets that come with roomloop: ``smoke`` and ``full``."""
@@ -107,8 +108,11 @@ def _scene(path: Path, scene: object) -> str:
     """A catalogue name as it is; a path as one from the working folder."""
     if not isinstance(scene, str) or not scene:
         refuse(f"{path}: scene: expected a name of the catalogue or a path, got {scene!r}")
+    if scene in scene_names():
+        return scene
     beside = path.parent / scene
-    return str(beside) if beside.is_file() or Path(scene).suffix else scene
+    is_path = beside.exists() or Path(scene).suffix or len(Path(scene).parts) > 1
+    return str(beside) if is_path else scene
 
 
 def _seeds(path: Path, values: dict[str, object]) -> tuple[int, ...]:

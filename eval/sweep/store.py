@@ -11,6 +11,7 @@ import fcntl
 import io
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
@@ -97,9 +98,11 @@ def open_store(folder: Path) -> Iterator[Store]:
         raise InputError(f"out: {folder} cannot be written: {error.strerror or error}") from error
     try:
         _lock(lock, folder)
+        store = Store(folder)
+        shutil.rmtree(store.scratch, ignore_errors=True)
         for part in folder.rglob(".*.part"):
             part.unlink(missing_ok=True)
-        yield Store(folder)
+        yield store
     finally:
         os.close(lock)
         if made:

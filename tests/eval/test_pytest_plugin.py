@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import sys
 import xml.etree.ElementTree as ET
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -147,3 +149,21 @@ def test_without_roomloop_the_command_is_named(repository: pytest.Pytester) -> N
     result.assert_outcomes(failed=1, deselected=None)
     result.stdout.fnmatch_lines(["*absent-command*"])
     result.stdout.no_fnmatch_line("*Traceback*")
+
+
+def test_the_command_beside_this_python_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = spec_from_file_location("plugin", ROOT / "eval" / "pytest_plugin" / "__init__.py")
+    assert spec is not None
+    plugin = module_from_spec(spec)
+    spec.loader.exec_module(plugin)  # type: ignore[union-attr]
+    unset = SimpleNamespace(getini=lambda _: "")
+    places = {str(Path(sys.executable).parent): "/venv/roomloop", None: "/usr/roomloop"}
+    monkeypatch.setattr(plugin.shutil, "which", lambda name, path=None: places[path])
+    assert plugin._command(unset) == ["/venv/roomloop"]
+    places[str(Path(sys.executable).parent)] = None  # type: ignore[assignment]
+    assert plugin._command(unset) == ["/usr/roomloop"]
+    places[None] = None  # type: ignore[assignment]
+    with pytest.raises(pytest.UsageError, match="not on the PATH"):
+        plugin._command(unset)
+    assert "PYTHONPATH" not in plugin._environment()
+    assert plugin._command(SimpleNamespace(getini=lambda _: "a 'b c'")) == ["a", "b c"]
