@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from zipfile import BadZipFile
@@ -64,11 +65,12 @@ def front_end_key(config: RunConfig) -> str:
     parts.append(repr(FrontEndConfig()))
     parts += [f"{name} {version(name)}" for name in PACKAGES]
     modules = [*CODE, config.odometry.partition(":")[0]] if ":" in config.odometry else [*CODE]
-    parts += [_code_hash(module) for module in modules]
+    parts += [code_hash(module) for module in modules]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def _code_hash(module: str) -> str:
+@cache
+def code_hash(module: str) -> str:
     """Of a module's source, or of all sources of a package."""
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:

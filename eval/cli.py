@@ -10,6 +10,9 @@ from typing import Annotated
 import typer
 
 from eval.commands.train import train
+from eval.commands.ablate import ablate
+from eval.commands.compare import compare
+from eval.commands.score import score
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -21,7 +24,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
+Scene = Annotated[
+    str, typer.Argument(help="A name of the catalogue, a plan file, or a scenario file (.toml).")
+]
 Option = typer.Option
 
 
@@ -66,8 +71,12 @@ def _draw_scene(scene: str, path: Path) -> Path:
 
 @app.command()
 def run(
+    context: typer.Context,
     scene: Scene,
     seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
+    seeds: Annotated[
+        str | None, Option(help="Several, as 0,1,2 or 0-9: OUT/sN for each, and a table.")
+    ] = None,
     out: Annotated[
         Path | None, Option(help="The output folder (default: runs/SCENE-DETECTOR-sN).")
     ] = None,
@@ -102,8 +111,12 @@ def run(
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
     ] = None,
-) -> None:
+) -> int:
     """Drive through a scene, map it, and score the map."""
+    if seeds is not None or scene.endswith(".toml"):
+        from eval.commands.scenario import run_command
+
+        return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,
         seed=seed,
@@ -135,9 +148,25 @@ def run(
 
         result = run_loop(config, progress)
     show_result(Console(), result.metrics, result.folder)
+    return 0
+
+
+def _given(context: typer.Context) -> dict[str, object]:
+    """The options that stand on the command line, without those that have their default."""
+    return {
+        name: value
+        for name, value in context.params.items()
+        if name not in ("scene", "seeds")
+        and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
 
 
 app.command()(train)
+
+
+app.command()(ablate)
+app.command()(compare)
+app.command()(score)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

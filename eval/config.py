@@ -68,7 +68,7 @@ class RunConfig:
         """Where the run writes: ``out``, or ``runs/SCENE-DETECTOR-sN`` under the working folder."""
         if self.out is not None:
             return self.out
-        return Path("runs") / f"{_slug(Path(self.scene).stem)}-{_slug(self.detector)}-s{self.seed}"
+        return Path("runs") / f"{slug(Path(self.scene).stem)}-{slug(self.detector)}-s{self.seed}"
 
 
 # --- values ---------------------------------------------------------------------------------------
@@ -111,6 +111,6 @@ def _check_positive(config: RunConfig) -> None:
             refuse(f"{name}: expected {unit} above 0, got {value}")
 
 
-def _slug(name: str) -> str:
+def slug(name: str) -> str:
     """A name as a part of a folder's name."""
     return re.sub(r"[^A-Za-z0-9._+-]+", "-", name).strip("-.") or "scene"

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.core import Array
+from slam.core import Array, thread_limit
 
 if TYPE_CHECKING:
     from worlds.world import Mesh
 
-THREADS = 2
+THREADS = thread_limit(2)
 """Threads of one cast, said outright: the default takes every core of a shared machine."""
 
 

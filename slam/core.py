@@ -7,6 +7,7 @@ Frames: ``world`` (the simulator's truth), ``map`` (estimates), ``odom``, ``base
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,6 +37,13 @@ class RunError(RoomloopError):
     """A run that could not go on: a collision, a diverged odometry, a failed optimisation."""
 
     exit_status = 3
+
+
+def thread_limit(most: int) -> int:
+    """Threads for a stage that gains from up to ``most``: fewer where OMP_NUM_THREADS says so, as
+    many runs at once do; libraries that know nothing of OpenMP are told through this."""
+    said = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(most, int(said))) if said.isdigit() else most
 
 
 # --- rigid motions -------------------------------------------------------------------------------

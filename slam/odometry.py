@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from slam.core import (
     orthonormal,
     rotate,
     so3_log,
+    thread_limit,
     transform_points,
 )
 
@@ -34,7 +35,7 @@ class KissConfig:
     max_range: float = 30.0
     min_range: float = 0.3
     initial_threshold: float = 0.5
-    threads: int = 2
+    threads: int = field(default_factory=lambda: thread_limit(2))
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class VgicpConfig:
     min_range: float = 0.3
     every: int = 2
     horizon: int = 1000
-    threads: int = 2
+    threads: int = field(default_factory=lambda: thread_limit(2))
 
 
 class VgicpOdometry:

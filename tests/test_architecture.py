@@ -109,12 +109,22 @@ def test_the_command_line_starts_light() -> None:
 
 def test_every_package_is_installed() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    listed = project["tool"]["setuptools"]["packages"]
+    setuptools = project["tool"]["setuptools"]
+    places = setuptools["package-dir"]
+    listed = [places.get(name, name).replace("/", ".") for name in setuptools["packages"]]
     folders = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in SOURCES}
     assert set(listed) == folders
 
 
-@pytest.mark.parametrize("pattern", ["worlds/scenes/*.json", "semantics/weights/*.npz"])
+def test_the_pytest_plugin_loads_nothing_of_ours() -> None:
+    (plugin,) = (ROOT / "eval" / "pytest_plugin").glob("*.py")
+    tops = {module.partition(".")[0] for module in imported(plugin)}
+    assert tops - set(sys.stdlib_module_names) == {"pytest"}
+
+
+@pytest.mark.parametrize(
+    "pattern", ["worlds/scenes/*.json", "semantics/weights/*.npz", "eval/scenarios/*/*.toml"]
+)
 def test_the_data_that_ships_is_there_and_installed(pattern: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     package, _, inside = pattern.partition("/")

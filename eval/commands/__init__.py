@@ -1,1 +1,1 @@
-"""Commands of their own file, registered in ``eval.cli``."""
+"""The commands of ``roomloop`` that are more than a few lines, one module each."""

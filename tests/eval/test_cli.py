@@ -12,23 +12,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from fakes import metrics
 
 from eval.cli import main
 from eval.config import RunConfig
-from eval.metrics import Latency, Loops, Metrics, Planes, Rooms, Stages, StageTime, Walls
+from eval.metrics import Rooms, Stages, StageTime
 from eval.outputs import read_metrics, read_tum
 from slam.core import InputError, RunError
 
 Run = Callable[[RunConfig, Callable[[float, float], None]], object]
 Capture = pytest.CaptureFixture[str]
-
-
-def metrics(**known: object) -> Metrics:
-    """Metrics of which only some are known."""
-    values: dict[str, object] = {item.name: None for item in fields(Metrics)}
-    groups = {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
-    timing = {"room_latency_s": Latency(), "stages": Stages(), "status": "complete"}
-    return Metrics(**(values | groups | timing | known))  # type: ignore[arg-type]
 
 
 @pytest.fixture
