@@ -126,7 +126,7 @@ class Tsdf:
 
 @dataclass(frozen=True)
 class RangeImage:
-    """ranges (H, W) [m], 0 where nothing came back; rows upwards from elevation ``lowest`` [rad]."""
+    """ranges (H, W) [m], 0 where nothing came back; rows upwards from ``lowest`` [rad]."""
 
     ranges: Floats
     lowest: float

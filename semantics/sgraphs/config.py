@@ -33,9 +33,9 @@ class SgraphsConfig:
     that are the same may differ (rad and m together); overlap: distance between the points of
     overlapping planes; window: planes seen within so many seconds take part [s].
 
-    faults: True puts the published faults back: axes of the map instead of the building, the
-    centre and the width that depend on the map's origin, the missing alignment test of y1, and
-    corridors along x that never are recognised again.
+    faults: True puts the published faults back: axes of the map instead of the building, votes from
+    behind a plane, the centre and the width that depend on the map's origin, the missing alignment
+    test of y1, and corridors along x that are never recognised again.
     """
 
     space: SpaceConfig = SKELETON

@@ -139,7 +139,10 @@ def _best_sides(
     best: dict[tuple[int, bool], tuple[int, Side]] = {}
     for side in sides:
         distance, _ = cKDTree(side.points).query(vertices, distance_upper_bound=config.near)
-        votes = int(np.isfinite(distance).sum())
+        near = np.isfinite(distance)
+        if not config.faults:
+            near &= vertices @ side.normal + side.d > 0.0
+        votes = int(near.sum())
         slot = side.axis, side.high
         if votes >= config.votes and votes > best.get(slot, (0, side))[0]:
             best[slot] = votes, side
