@@ -37,6 +37,26 @@ def _trained(name: str) -> Callable[[TruthKeeper | None], Detector]:
     return make
 
 
+def _hydra(name: str) -> Callable[[TruthKeeper | None], Detector]:
+    def make(_: TruthKeeper | None) -> Detector:
+        from semantics.hydra.config import PRESETS
+        from semantics.hydra.detector import HydraDetector
+
+        return HydraDetector(PRESETS[name])
+
+    return make
+
+
+def _sgraphs(name: str) -> Callable[[TruthKeeper | None], Detector]:
+    def make(_: TruthKeeper | None) -> Detector:
+        from semantics.sgraphs.config import PRESETS
+        from semantics.sgraphs.detector import SgraphsDetector
+
+        return SgraphsDetector(PRESETS[name])
+
+    return make
+
+
 def _oracle(keeper: TruthKeeper | None) -> Detector:
     from eval.oracle import OracleDetector
 
@@ -60,8 +80,15 @@ def _vgicp() -> Odometry:
 DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "gnn": _trained("gnn"),
     "gnn-greedy": _trained("gnn-greedy"),
+<<<<<<< HEAD
     "paper": _trained("paper"),
     "paper-greedy": _trained("paper-greedy"),
+=======
+    "hydra": _hydra("hydra"),
+    "hydra-v1": _hydra("hydra-v1"),
+    "sgraphs": _sgraphs("sgraphs"),
+    "sgraphs-faults": _sgraphs("sgraphs-faults"),
+>>>>>>> baselines
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }
