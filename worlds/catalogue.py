@@ -13,10 +13,9 @@ import shapely
 from shapely.geometry import Polygon
 
 from slam.core import InputError
-from worlds.floorplan import floorplan, is_floorplan
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
-from worlds.planfile import checked_json, plan_of
+from worlds.readers import DEFAULT, ReaderOptions, read_building
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
@@ -73,12 +72,10 @@ def _nearest(name: str) -> str:
     return f"expected one of {', '.join(names)} or the path of a plan file"
 
 
-def load_scene(name_or_path: str) -> Plan:
-    """The plan of a scene's name or of a path: our plan file, or a floor-plan JSON. Raises
-    InputError for what cannot be read."""
-    path = scene_path(name_or_path)
-    root = checked_json(path)
-    return floorplan(root, path) if is_floorplan(root) else plan_of(root, path)
+def load_scene(name_or_path: str, options: ReaderOptions = DEFAULT) -> Plan:
+    """The plan of a scene's name or of a building's file (``worlds.readers``). Raises InputError
+    for what cannot be read."""
+    return read_building(scene_path(name_or_path), options)
 
 
 def file_sha256(path: Path) -> str:

@@ -13,6 +13,8 @@ from shapely.geometry import MultiPolygon, Polygon
 
 CEILING_WHERE_UNKNOWN = 2.7
 """Height of a storey whose plan gives none [m]."""
+UNLABELLED = "unlabelled"
+"""Kind of a free area that nobody has called a room: where to drive, but no truth about rooms."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +31,15 @@ class RoomOutline:
 class Opening:
     """A hole through walls: a footprint across the wall, and the heights between which it is open.
 
-    kind: door | window | opening. Heights are above the storey's floor [m].
+    kind: door | window | opening. Heights are above the storey's floor [m]. glass: a pane closes it
+    (so nobody drives through, whatever its kind).
     """
 
     kind: str
     footprint: Polygon
     z_min: float
     z_max: float
+    glass: bool = False
 
 
 @dataclass(frozen=True)
