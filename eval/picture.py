@@ -14,6 +14,7 @@ from eval.score_rooms import to_world
 from eval.scores import RunRecord, Scores
 from eval.trajectory import Trajectory, origin_alignment
 from slam.core import Array, MapPlane, Proposals, transform_points
+from worlds.plan import UNLABELLED
 from worlds.truth import Room, Truth
 
 if TYPE_CHECKING:
@@ -61,14 +62,14 @@ def save(picture: RunPicture, path: Path) -> None:
 
 def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture:
     """What there is to draw; a run that cannot be aligned is laid over the truth by its start."""
-    true_path = scores.truth_trajectory
+    true_path, truth = scores.truth_trajectory, record.keeper.truth
     alignments = [
         _over(score.T_truth_estimate, path, true_path)
         for score, path in ((scores.estimate, record.estimate), (scores.odometry, record.odometry))
     ]
     return RunPicture(
         title=", ".join(filter(None, [title, _headline(scores)])),
-        truth=record.keeper.truth,
+        truth=truth,
         true_path=true_path,
         estimate=record.estimate,
         odometry=record.odometry,
@@ -77,7 +78,7 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
         planes=record.view.planes,
         proposals=record.proposals,
         matches=scores.rooms.matches,
-        entered=frozenset(record.keeper.visits.entered),
+        entered=frozenset(record.keeper.visits.entered if truth.rooms_known else ()),
     )
 
 
@@ -89,7 +90,9 @@ def _over(T: Array | None, path: Trajectory, true_path: Trajectory) -> Array:
 
 def _headline(scores: Scores) -> str:
     ate, odometry = scores.estimate.ate, scores.odometry.ate
-    rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
+    rooms = "no room truth"
+    if scores.rooms.entered is not None:
+        rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
     if ate is None or odometry is None:
         return f"not aligned, {rooms}"
     return f"ATE {100 * ate:.1f} cm (odometry {100 * odometry:.1f} cm), {rooms}"
@@ -137,7 +140,8 @@ def _draw_room(axes: Axes, room: Room, missed: bool) -> None:
     from matplotlib.patheffects import withStroke
 
     x, y = np.array(room.polygon.exterior.coords).T
-    axes.fill(x, y, color=ROOM, lw=0, label="true rooms")
+    label = "free areas" if room.kind == UNLABELLED else "true rooms"
+    axes.fill(x, y, color=ROOM, lw=0, label=label)
     if missed:
         label = "entered, missed"
         axes.fill(x, y, fill=False, hatch="///", edgecolor=MISSED, lw=0, label=label)

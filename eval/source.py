@@ -11,6 +11,7 @@ from sim.route import plan_route
 from sim.sensor import sensor_named
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
+from worlds.readers import ReaderOptions
 from worlds.world import World, build_world
 
 SPEED = 0.6
@@ -21,7 +22,8 @@ def make_world(config: RunConfig) -> World:
     """The world of a run, the storey that is driven. Raises InputError."""
     conditions = conditions_named(config.conditions)
     seed, _ = _seeds(config)
-    return build_world(load_scene(config.scene), seed, conditions, config.storey or 0)
+    plan = load_scene(config.scene, ReaderOptions(config.unit, config.up))
+    return build_world(plan, seed, conditions, config.storey or 0)
 
 
 def make_source(config: RunConfig, world: World) -> Source:
