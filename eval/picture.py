@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+UNJUDGED = "#6a51a3"
 TRUE, FALSE, MISSED = "#1a9850", "#d73027", "#fdae61"
 ROOM, FACE = "#ececec", "#9a9a9a"
 PLANES = ("#1f78b4", "#6a3d9a", "#00a6ca", "#c51b7d", "#8c510a", "#4d4dff")
@@ -161,8 +162,7 @@ def _draw_room(axes: Axes, room: Room, missed: bool) -> None:
 
 def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
     for room in picture.proposals.rooms:
-        good = room.id in picture.matches
-        color, label = (TRUE, "detected, true") if good else (FALSE, "detected, false")
+        color, label = _judged(room.id in picture.matches, picture.truth)
         if room.polygon is not None:
             x, y = to_world(picture.T_world_map, room.polygon).T
             axes.fill(x, y, color=color, alpha=0.18, lw=0, zorder=2)
@@ -170,6 +170,13 @@ def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
             axes.plot(*outline, color=color, lw=1.2, zorder=3, label=label)
         centre = to_world(picture.T_world_map, room.centre[None])[0]
         axes.plot(*centre, "P", color=color, ms=6, mec="white", mew=0.6, zorder=5, label=label)
+
+
+def _judged(good: bool, truth: Truth) -> tuple[str, str]:
+    """Colour and label of a detected room."""
+    if not truth.rooms_known:
+        return UNJUDGED, "detected"
+    return (TRUE, "detected, true") if good else (FALSE, "detected, false")
 
 
 def _draw_planes(axes: Axes, picture: RunPicture) -> None:

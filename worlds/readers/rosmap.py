@@ -46,6 +46,8 @@ NEAR = 3
 """A room reaches over unlabelled pixels this far to its walls [pixels]."""
 LEAST_ROOM = 1.0
 """Patches of one label smaller than this are left out [m2]."""
+MAX_DEPTH = 5
+"""Deepest nesting of the yaml."""
 MAX_LABELS = 10_000
 """Most colours of an image of labels; a photograph has more."""
 NOTE = "An occupancy map: walls from floor to a ceiling assumed at 2.7 m."
@@ -151,8 +153,14 @@ def _yaml(path: Path) -> object:
 
     try:
         text = path.read_text(encoding="utf-8-sig")
-        if any(isinstance(e, yaml.AliasEvent) for e in yaml.parse(text, yaml.SafeLoader)):
-            raise InputError(f"{path}: expected the yaml of a ROS map, found one with aliases")
+        depth = 0
+        for event in yaml.parse(text, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or depth > MAX_DEPTH:
+                raise InputError(
+                    f"{path}: expected the yaml of a ROS map, found aliases or deep nesting"
+                )
         return yaml.safe_load(text)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected yaml in UTF-8: {error.reason}") from error
@@ -217,7 +225,7 @@ def _labels(file: MapFile, shape: tuple[int, ...]) -> Image:
 def _keys(values: NDArray[np.uint8] | NDArray[np.uint16], most: int) -> Image:
     """One number for each colour; 0 for black, white and transparent ones."""
     if values.ndim == 2:
-        return values.astype(np.int64)
+        return np.where(values == most, 0, values.astype(np.int64))
     with_alpha = values.shape[2] in (2, 4)
     colours = values.shape[2] - with_alpha
     key = np.zeros(values.shape[:2], dtype=np.int64)
