@@ -15,7 +15,7 @@ from shapely.geometry import Polygon
 from slam.core import InputError
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
-from worlds.readers import DEFAULT, ReaderOptions, read_building
+from worlds.readers import DEFAULT, ReaderOptions, building_files, read_building
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
@@ -79,8 +79,12 @@ def load_scene(name_or_path: str, options: ReaderOptions = DEFAULT) -> Plan:
 
 
 def file_sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, which names exactly what was run."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Hexadecimal SHA-256 of a building's file, and of those that it names: exactly what was run.
+    Raises InputError for what cannot be read."""
+    digest = hashlib.sha256()
+    for part in building_files(path):
+        digest.update(part.read_bytes())
+    return digest.hexdigest()
 
 
 def scene_counts(plan: Plan) -> SceneCounts:

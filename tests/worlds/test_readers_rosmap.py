@@ -11,6 +11,7 @@ from shapely import affinity
 
 from sim.route import plan_route
 from slam.core import InputError
+from worlds.catalogue import file_sha256
 from worlds.conditions import AS_BUILT
 from worlds.plan import UNLABELLED
 from worlds.readers import ReaderOptions, read_building
@@ -74,6 +75,16 @@ def test_labels_are_room_truth(colours, tmp_path):
     world = build_world(plan, np.random.SeedSequence(0), AS_BUILT)
     assert world.truth.rooms_known
     assert len(plan_route(world).rooms) == 2
+
+
+def test_what_was_run_is_named_by_the_images_too(tmp_path):
+    path = labelled(tmp_path, ([1], [2]))
+    hashes = {file_sha256(path)}
+    for name in ("floor.pgm", "rooms.png"):
+        with (tmp_path / name).open("ab") as file:
+            file.write(b" ")
+        hashes.add(file_sha256(path))
+    assert len(hashes) == 3
 
 
 def test_negate(tmp_path):

@@ -12,7 +12,7 @@ from worlds.readers.formats import format_of
 from worlds.readers.options import DEFAULT, ReaderOptions
 from worlds.readers.placing import near_origin
 
-__all__ = ["DEFAULT", "ReaderOptions", "read_building"]
+__all__ = ["DEFAULT", "ReaderOptions", "building_files", "read_building"]
 
 
 def read_building(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
@@ -29,6 +29,15 @@ def read_building(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
         if getattr(options, name) is not None and name not in taken:
             raise InputError(f"{path}: --{name}: {kind.name} files do not take it")
     return near_origin(read(path, options))
+
+
+def building_files(path: Path) -> tuple[Path, ...]:
+    """The file of a building, and those that it names: the images of an occupancy map."""
+    if format_of(path).name != "ROS map":
+        return (path,)
+    from worlds.readers.rosmap import map_files
+
+    return map_files(path)
 
 
 def _json(path: Path, _: ReaderOptions) -> Plan:

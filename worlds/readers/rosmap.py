@@ -95,6 +95,12 @@ def read_rosmap(path: Path) -> Plan:
     return Plan(path.stem, (storey,), NOTE if file.labels else f"{NOTE} {NO_TRUTH}")
 
 
+def map_files(path: Path) -> tuple[Path, ...]:
+    """The yaml and its images."""
+    file = _map_file(path)
+    return (path, file.image, *([file.labels] if file.labels else []))
+
+
 # --- the yaml ------------------------------------------------------------------------------------
 
 
