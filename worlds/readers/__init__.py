@@ -35,9 +35,9 @@ def building_files(path: Path) -> tuple[Path, ...]:
     """The file of a building, and those that it names: the images of an occupancy map."""
     if format_of(path).name != "ROS map":
         return (path,)
-    from worlds.readers.rosmap import map_files
+    from worlds.readers.mapfile import read_map_file
 
-    return map_files(path)
+    return read_map_file(path).files
 
 
 def _json(path: Path, _: ReaderOptions) -> Plan:
