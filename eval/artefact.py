@@ -23,11 +23,12 @@ from eval.config import RunConfig
 from eval.files import whole_file
 from eval.labels import KeptReturns, TruthStep
 from eval.seen import SeenStep
+from eval.source import plan_of
 from eval.steps import Step
 from sim.sensor import sensor_named
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
-from worlds.catalogue import load_scene, scene_sha256
+from worlds.catalogue import scene_sha256
 from worlds.conditions import conditions_named
 
 AFTER_THE_FRONT_END = {"scene", "out", "detector", "layers", "factors", "loops", "save", "cache"}
@@ -60,7 +61,7 @@ def front_end_key(config: RunConfig) -> str:
     used = [item.name for item in fields(config) if item.name not in AFTER_THE_FRONT_END]
     parts = [f"{name}={getattr(config, name)!r}" for name in used]
     parts.append(scene_sha256(config.scene))
-    conditions = config.conditions or load_scene(config.scene).conditions
+    conditions = config.conditions or plan_of(config).conditions
     parts += [repr(sensor_named(config.sensor)), repr(conditions_named(conditions))]
     parts.append(repr(FrontEndConfig()))
     parts += [f"{name} {version(name)}" for name in PACKAGES]

@@ -5,16 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eval.commands.train import train
 from eval.commands.ablate import ablate
 from eval.commands.compare import compare
 from eval.commands.score import score
+from eval.commands.train import train
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
+
+if TYPE_CHECKING:
+    from worlds.plan import Plan
 
 app = typer.Typer(
     help="Evaluates indoor semantic LiDAR SLAM in simulation: a floor plan becomes a world, "
@@ -25,9 +28,17 @@ app = typer.Typer(
 )
 
 Scene = Annotated[
-    str, typer.Argument(help="A name of the catalogue, a plan file, or a scenario file (.toml).")
+    str,
+    typer.Argument(
+        help="A name of the catalogue; a plan, IFC, mesh or occupancy map; a scenario (.toml)."
+    ),
 ]
 Option = typer.Option
+Unit = Annotated[
+    str | None,
+    Option(help="Unit of a mesh or IFC file: m, cm, mm, in, ft, or a factor to metres."),
+]
+Up = Annotated[str | None, Option(help="The axis of a mesh that points up: y or z.")]
 
 
 def _names(names: Sequence[str]) -> str:
@@ -36,8 +47,10 @@ def _names(names: Sequence[str]) -> str:
 
 @app.command()
 def scenes(
-    show: Annotated[str | None, Option(help="Draw this scene (or plan file).")] = None,
+    show: Annotated[str | None, Option(help="Draw this scene (or a building's file).")] = None,
     out: Annotated[Path | None, Option(help="The picture's file (default: SCENE.png).")] = None,
+    unit: Unit = None,
+    up: Up = None,
 ) -> None:
     """The catalogue with its counts; a picture of one scene."""
     from rich.console import Console
@@ -49,21 +62,27 @@ def scenes(
 
         console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))
     else:
-        path = _draw_scene(show, out or Path(f"{Path(show).stem}.png"))
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+        from eval.screen import our_warnings_only
+        from worlds.catalogue import load_scene
+        from worlds.readers import ReaderOptions
+
+        our_warnings_only(Console(stderr=True))
+        plan = load_scene(show, ReaderOptions(unit, up))
+        path = _draw_scene(plan, out or Path(f"{Path(show).stem}.png"))
+        for line in filter(None, (plan.notes, str(path))):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
-def _draw_scene(scene: str, path: Path) -> Path:
+def _draw_scene(plan: Plan, path: Path) -> Path:
     """Draws a scene as planned into a PNG file."""
     from numpy.random import SeedSequence
 
     from eval.files import whole_file
-    from worlds.catalogue import load_scene
     from worlds.conditions import IDEAL
     from worlds.picture import scene_figure
     from worlds.world import build_world
 
-    world = build_world(load_scene(scene), SeedSequence(0), IDEAL)
+    world = build_world(plan, SeedSequence(0), IDEAL)
     with whole_file(path) as part:
         scene_figure(world).savefig(part, format="png", dpi=150)
     return path
@@ -111,6 +130,8 @@ def run(
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
     ] = None,
+    unit: Unit = None,
+    up: Up = None,
 ) -> int:
     """Drive through a scene, map it, and score the map."""
     if seeds is not None or scene.endswith(".toml"):
@@ -136,6 +157,8 @@ def run(
         loops=loops,
         save=save,
         cache=cache,
+        unit=unit,
+        up=up,
     )
     from rich.console import Console
 

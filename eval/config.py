@@ -31,7 +31,8 @@ class RunConfig:
     the scene names); detector, odometry: a name or ``package.module:Class``; layers: what enters
     the graph; factors: how rooms and walls constrain it; loops: loop closure; save: write
     recording.rrd; cache: a folder of recorded front ends (``eval.artefact``), which variants of
-    detector and back end replay.
+    detector and back end replay; unit, up: of a building's file that does not declare them
+    (``worlds.readers.ReaderOptions``).
     """
 
     scene: str
@@ -52,6 +53,8 @@ class RunConfig:
     loops: str = "on"
     save: bool = False
     cache: Path | None = None
+    unit: str | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)

@@ -80,15 +80,12 @@ def _vgicp() -> Odometry:
 DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "gnn": _trained("gnn"),
     "gnn-greedy": _trained("gnn-greedy"),
-<<<<<<< HEAD
     "paper": _trained("paper"),
     "paper-greedy": _trained("paper-greedy"),
-=======
     "hydra": _hydra("hydra"),
     "hydra-v1": _hydra("hydra-v1"),
     "sgraphs": _sgraphs("sgraphs"),
     "sgraphs-faults": _sgraphs("sgraphs-faults"),
->>>>>>> baselines
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }

@@ -112,6 +112,8 @@ def _score_concepts(
     record: RunRecord, planes: PlaneScore, T_world_map: Array | None
 ) -> tuple[RoomScore, WallScore, TimeScore]:
     keeper, truth = record.keeper, record.keeper.truth
+    if not truth.rooms_known:
+        return RoomScore(), WallScore(), UNKNOWN_TIME
     room_votes, wall_votes = keeper.votes(record.view, record.proposals)
     walls = score_walls(wall_votes, truth, keeper.seen)
     entered = keeper.visits.entered
@@ -134,9 +136,11 @@ def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[s
     """True labels of planes, rooms and walls for graph.json: (layer, id) -> label.
 
     "surface 3" | "floor" | "ceiling" | "none" | "mixed" for planes; a room's name or "false"; "wall
-    2" or "false".
+    2" or "false"; without room truth none for rooms and walls.
     """
     labels = {("plane", vote.plane_id): vote.label for vote in scores.planes.votes}
+    if not truth.rooms_known:
+        return labels
     for room in record.proposals.rooms if scores.T_world_map is not None else ():
         found = scores.rooms.matches.get(room.id)
         labels["room", room.id] = "false" if found is None else truth.rooms[found].name

@@ -15,6 +15,7 @@ from slam.core import InputError
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
 from worlds.plan import NamedRoute, Plan
+from worlds.readers import ReaderOptions
 from worlds.world import World, build_world
 
 SPEED = 0.6
@@ -23,9 +24,14 @@ SPEED = 0.6
 _log = logging.getLogger(__name__)
 
 
+def plan_of(config: RunConfig) -> Plan:
+    """The plan of a run's scene. Raises InputError."""
+    return load_scene(config.scene, ReaderOptions(config.unit, config.up))
+
+
 def make_world(config: RunConfig) -> World:
     """The world of a run: the storey that is driven, or all that ramps join. Raises InputError."""
-    plan = load_scene(config.scene)
+    plan = plan_of(config)
     conditions = conditions_named(config.conditions or plan.conditions)
     seed, _ = _seeds(config)
     part = _part(config, plan)

@@ -17,7 +17,7 @@ from worlds.largebuilding import is_large_building, large_building
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
 from worlds.planfile import plan_sources, plan_text
-from worlds.readers import DEFAULT, ReaderOptions, read_building
+from worlds.readers import DEFAULT, ReaderOptions, building_files, read_building
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
@@ -93,7 +93,7 @@ def scene_sha256(name_or_path: str) -> str:
     if is_large_building(name_or_path):
         return hashlib.sha256(plan_text(large_building(name_or_path)).encode()).hexdigest()
     path = scene_path(name_or_path)
-    sources = plan_sources(path) if path.suffix == ".json" else (path,)
+    sources = plan_sources(path) if path.suffix == ".json" else building_files(path)
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 

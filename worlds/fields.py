@@ -79,7 +79,7 @@ class Field:
         """A finite number of plausible size."""
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
             self.wrong("a number")
-        if not math.isfinite(self.value):
+        if isinstance(self.value, float) and not math.isfinite(self.value):
             self.wrong("a finite number")
         if abs(self.value) > MAX_COORDINATE:
             self.wrong(f"metres within +-{MAX_COORDINATE:.0f}")

@@ -42,6 +42,7 @@ from worlds.plan import (
     Storey,
 )
 from worlds.planlinks import links_text, read_ramps, read_routes
+from worlds.tangle import tangled
 
 FORMAT = "roomloop-plan-1"
 MAX_VERTICES = 200_000
@@ -148,6 +149,8 @@ def _storey(field: Field, index: int) -> Storey:
         if z_ceiling < z_floor + MIN_HEIGHT:
             parts["z_ceiling"].wrong(f"a height at least {MIN_HEIGHT} m above z_floor {z_floor:g}")
     bodies = _walls(parts["walls"])
+    if tangled(np.array(bodies)):
+        parts["walls"].fail("expected walls, found ones that cross without end")
     walls = as_multipolygon(shapely.union_all(bodies))
     rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items())]
     _check_rooms(parts["rooms"], rooms, walls)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from shapely.geometry import Polygon
 
 from slam.core import Array
+from worlds.plan import UNLABELLED
 
 # Labels of LiDAR returns that are not on a face (faces are labelled 0, 1, 2, ...).
 NO_FACE = -1  # jambs, sills, outer walls, faces too short to be scored
@@ -94,3 +95,9 @@ class Truth:
     rooms: tuple[Room, ...]
     doors: tuple[Door, ...]
     floors: tuple[Floor, ...]
+
+    @property
+    def rooms_known(self) -> bool:
+        """Whether the rooms are truth, not mere free areas of a building that tells of none. Where
+        they are not, neither are walls: faces end where rooms end."""
+        return any(room.kind != UNLABELLED for room in self.rooms)
