@@ -80,7 +80,9 @@ def storey_faces(
             parts = measured(layout, built, table[:, 0].astype(np.int64), table[:, 1], table[:, 2])
             if parts.length.sum() >= MIN_LENGTH:
                 label[rows[group == g]] = face_0 + len(faces)
-                faces.append(_face(layout, parts, face_0 + len(faces), room_0 + room))
+                faces.append(
+                    _face(layout, parts, _top(layout, table), len(faces) + face_0, room + room_0)
+                )
     return faces, bounds.relabelled(label)
 
 
@@ -100,7 +102,17 @@ def _real_wall(layout: Layout, rows: IntArray) -> Array:
     return np.array(found, dtype=np.float64).reshape(-1, 3)
 
 
-def _face(layout: Layout, parts: Stretches, identity: int, room: int) -> Face:
+def _top(layout: Layout, table: Array) -> float:
+    """The highest point above the floor of stretches (P, 3) of real wall: low walls end early."""
+    openings = layout.storey.openings
+    return max(
+        openings[k].z_min if k >= 0 else layout.height
+        for side, low, high in table.tolist()
+        for _, _, k in layout.parapets.split(int(side), low, high)
+    )
+
+
+def _face(layout: Layout, parts: Stretches, top: float, identity: int, room: int) -> Face:
     """One face from its stretches of real wall."""
     normal = parts.length @ parts.normal
     normal /= np.linalg.norm(normal)
@@ -117,6 +129,6 @@ def _face(layout: Layout, parts: Stretches, identity: int, room: int) -> Face:
         d=float(-normal @ middle),
         segment=points[[np.argmin(along), np.argmax(along)]],
         parts=ends,
-        z_range=(layout.storey.z_floor, layout.storey.z_ceiling),
+        z_range=(layout.storey.z_floor, layout.storey.z_floor + top),
         surface=-1,
     )

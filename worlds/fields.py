@@ -75,6 +75,12 @@ class Field:
             self.wrong(f"one of {', '.join(known)}")
         return str(self.value)
 
+    def truth(self) -> bool:
+        """True or false."""
+        if not isinstance(self.value, bool):
+            self.wrong("true or false")
+        return self.value
+
     def number(self) -> float:
         """A finite number of plausible size."""
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):

@@ -29,13 +29,15 @@ class RoomOutline:
 class Opening:
     """A hole through walls: a footprint across the wall, and the heights between which it is open.
 
-    kind: door | window | opening. Heights are above the storey's floor [m].
+    kind: door | window | opening. Heights are above the storey's floor [m]. glass: a pane closes it
+    (so nobody drives through, whatever its kind).
     """
 
     kind: str
     footprint: Polygon
     z_min: float
     z_max: float
+    glass: bool = False
 
 
 @dataclass(frozen=True)

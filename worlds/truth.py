@@ -17,7 +17,11 @@ from slam.core import Array
 NO_FACE = -1  # jambs, sills, outer walls, faces too short to be scored
 FLOOR = -2
 CEILING = -3
-CLUTTER = -4  # pillars, furniture, people
+CLUTTER = -4  # pillars; building material, ladders, scaffolds
+FURNITURE = -5
+PEOPLE = -6
+GLASS = -7  # panes in windows, partitions and doors
+LEAF = -8  # door leaves
 
 
 @dataclass(frozen=True)

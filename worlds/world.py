@@ -7,19 +7,24 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import Array, InputError
 from worlds.asbuilt import build_walls
 from worlds.conditions import AS_BUILT, Conditions
 from worlds.drafting import as_multipolygon
+from worlds.fittings import Fitting
+from worlds.furnishing import furnished
 from worlds.layout import lay_out
-from worlds.model import Slab, building_spec, slabs
+from worlds.model import Slab, building_spec, slabs, with_holes
+from worlds.people import Person, add_people, gathered
 from worlds.plan import Plan, Storey
+from worlds.redrawn import redrawn
 from worlds.solids import Solid, wall_solids
 from worlds.survey import BuiltStorey, survey
-from worlds.truth import Truth
+from worlds.truth import GLASS, Truth
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Mesh:
 
     vertices: (V, 3) float64, world frame [m]; triangles: (T, 3), outward; face: (T,) the face id or
     negative label of ``worlds.truth``; geom_name: (T,) index into geom_names, the MuJoCo geom that
-    holds the triangle.
+    holds the triangle. People move, and are not in it.
     """
 
     vertices: Array
@@ -37,13 +42,20 @@ class Mesh:
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
 
+    @property
+    def glass(self) -> NDArray[np.bool_]:
+        """(T,) which triangles are of glass."""
+        return self.face == GLASS
+
 
 @dataclass(frozen=True)
 class World:
     """A building as built.
 
-    spec: the building only; whoever adds a base does so to a copy. footprints: per storey of the
-    plan, the walls at floor level with the passable openings taken out (empty if it was not built).
+    spec: the building and its people; whoever adds a base does so to a copy. footprints: per storey
+    of the plan, what nobody drives through: the walls at floor level with the passable openings
+    taken out, and what stands there (empty if it was not built); fittings: what stands there;
+    people: who walk about (where they walk is up to the simulation).
     """
 
     plan: Plan
@@ -51,6 +63,8 @@ class World:
     spec: mujoco.MjSpec
     mesh: Mesh
     footprints: tuple[MultiPolygon, ...]
+    fittings: tuple[Fitting, ...] = ()
+    people: tuple[Person, ...] = ()
 
 
 def build_world(
@@ -67,17 +81,39 @@ def build_world(
     truth, labels = survey(storeys)
     solids: list[Solid] = []
     plates: list[Slab] = []
+    fittings: list[Fitting] = []
+    people: list[Person] = []
+    footprints = [MultiPolygon()] * len(plan.storeys)
     for part, label in zip(storeys, labels, strict=True):
         prefix = f"s{part.index}_"
         drawn = part.layout.storey
         solids += wall_solids(part.layout, part.built, label, prefix)
-        plates += slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix)
+        floor, ceiling = slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix)
+        holes = _holes(part, truth, conditions, _rng(seed, part.index, _CEILINGS))
+        solids += with_holes(ceiling, holes) if holes else []
+        plates += [floor] if holes else [floor, ceiling]
+        standing = furnished(part, truth, conditions, _rng(seed, part.index, _FITTINGS))
+        footprints[part.index] = _footprint(part, standing)
+        fittings += standing
+        people += gathered(
+            [room for room in truth.rooms if room.storey == part.index],
+            footprints[part.index],
+            (drawn.z_floor, drawn.z_ceiling),
+            conditions.people,
+            _rng(seed, part.index, _PEOPLE),
+        )
+    spec = building_spec(plan.name, solids, plates, fittings)
+    add_people(spec, people)
+    boxes = [plate.solid() for plate in plates]
+    boxes += [solid for fitting in fittings for solid in fitting.solids()]
     return World(
         plan=plan,
         truth=truth,
-        spec=building_spec(plan.name, solids, plates),
-        mesh=_mesh([*solids, *(plate.solid() for plate in plates)]),
-        footprints=_footprints(plan, storeys),
+        spec=spec,
+        mesh=_mesh([*solids, *boxes]),
+        footprints=tuple(footprints),
+        fittings=tuple(fittings),
+        people=tuple(people),
     )
 
 
@@ -99,13 +135,28 @@ def _wanted(plan: Plan, storey: int | None) -> Sequence[int]:
 def _built(
     plan: Plan, index: int, seed: np.random.SeedSequence, conditions: Conditions
 ) -> BuiltStorey:
-    # Not seed.spawn(): that would make a second call with the same seed build another world.
-    own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-    layout = lay_out(plan.storeys[index])
-    built = build_walls(
-        layout.outline, layout.cut, layout.height, conditions, np.random.default_rng(own)
-    )
+    layout = lay_out(redrawn(plan.storeys[index], conditions, _rng(seed, index, _PLAN)))
+    built = build_walls(layout.outline, layout.cut, layout.height, conditions, _rng(seed, index))
     return BuiltStorey(index, layout, built)
+
+
+_PLAN, _CEILINGS, _FITTINGS, _PEOPLE = range(4)
+"""What else than the walls of a storey is drawn at random."""
+
+
+def _rng(seed: np.random.SeedSequence, *key: int) -> np.random.Generator:
+    """Not seed.spawn(): that would make a second call with the same seed build another world."""
+    own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
+    return np.random.default_rng(own)
+
+
+def _holes(
+    part: BuiltStorey, truth: Truth, conditions: Conditions, rng: np.random.Generator
+) -> list[Polygon]:
+    """The rooms of a storey that have no ceiling."""
+    rooms = [room for room in truth.rooms if room.storey == part.index]
+    open_ = rng.random(len(rooms)) < conditions.no_ceiling
+    return [room.polygon for room, above in zip(rooms, open_, strict=True) if above]
 
 
 def _bounds(storey: Storey) -> Array:
@@ -131,11 +182,9 @@ def _mesh(solids: Sequence[Solid]) -> Mesh:
     )
 
 
-def _footprints(plan: Plan, storeys: Sequence[BuiltStorey]) -> tuple[MultiPolygon, ...]:
-    found = {
-        part.index: as_multipolygon(
-            MultiPolygon([part.built.place_polygon(p, 0.0) for p in part.layout.open_cut.geoms])
-        )
-        for part in storeys
-    }
-    return tuple(found.get(index, MultiPolygon()) for index in range(len(plan.storeys)))
+def _footprint(part: BuiltStorey, fittings: Sequence[Fitting]) -> MultiPolygon:
+    walls = [part.built.place_polygon(p, 0.0) for p in part.layout.open_cut.geoms]
+    if not fittings:
+        return as_multipolygon(MultiPolygon(walls))
+    standing = [fitting.footprint for fitting in fittings]
+    return as_multipolygon(shapely.union_all([*walls, *standing]))
