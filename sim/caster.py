@@ -24,7 +24,8 @@ THREADS = 2
 @dataclass(frozen=True)
 class Hits:
     """What N rays hit. distance: (N,) [m], inf where nothing; cosine: (N,) of the incidence, in
-    [0, 1]; triangle, face, geom: (N,) int32, meaningless where nothing was hit."""
+    [0, 1]; triangle, face, geom: (N,) int32, meaningless where nothing was hit; triangle is -1 on
+    what moves."""
 
     distance: Array
     cosine: Array
@@ -58,8 +59,11 @@ class RayCaster:
         ids = np.arange(len(mesh.geom_names)) if geom_ids is None else geom_ids
         self._geom = np.asarray(ids, dtype=np.int32)[names]
 
-    def cast(self, origins: Array, directions: Array) -> Hits:
-        """First hits of rays from origins (N, 3) along unit directions (N, 3), world frame."""
+    def cast(self, origins: Array, directions: Array, fractions: Array | None = None) -> Hits:
+        """First hits of rays from origins (N, 3) along unit directions (N, 3), world frame.
+
+        When in the sweep they are shot makes no difference: nothing here moves.
+        """
         rays = np.empty((len(origins), 6), dtype=np.float32)
         rays[:, :3] = origins
         rays[:, 3:] = directions

@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.base import Base, BaseConfig, base_poses
 from sim.caster import THREADS, RayCaster
+from sim.crowd import Crowd, make_crowd
 from sim.follower import Follower
 from sim.lidar import Lidar
 from sim.motion import Motion
@@ -60,17 +61,18 @@ class Drive:
         self.duration = estimate if duration is None else min(estimate, duration)
 
     def __iter__(self) -> Iterator[tuple[Scan, ScanTruth]]:
-        lidar_rng, base_rng = _generators(self._seed, 2)
+        lidar_rng, base_rng, crowd_rng = _generators(self._seed, 3)
         follower = Follower(self._route.points, self._base)
         z_floor = self._world.truth.floors[self._route.storey].z_floor
         base = Base(self._world.spec, z_floor, follower.start, self._base, base_rng)
         ids = base.geom_ids(self._world.mesh.geom_names)
         caster = RayCaster(self._world.mesh, ids, self._threads)
-        lidar = Lidar(self._sensor, caster, lidar_rng, self._base.T_base_lidar)
+        crowd = self._crowd(base, crowd_rng)
+        lidar = Lidar(self._sensor, crowd.before(caster), lidar_rng, self._base.T_base_lidar)
         period = self._sensor.period
         index = 0
         while not follower.finished and (index + 1) * period <= self._limit:
-            yield lidar.sweep(index, (index + 1) * period, self._move(base, follower, index))
+            yield lidar.sweep(index, (index + 1) * period, self._move(base, follower, crowd, index))
             index += 1
 
     @property
@@ -78,12 +80,20 @@ class Drive:
         """No sweep ends after this [s]."""
         return np.inf if self._cut is None else self._cut + 1e-9
 
-    def _move(self, base: Base, follower: Follower, index: int) -> Motion:
+    def _crowd(self, base: Base, rng: np.random.Generator) -> Crowd:
+        route, config = self._route, self._base
+        return make_crowd(
+            self._world, route.storey, route.points, config.radius, config.speed, base.model, rng
+        )
+
+    def _move(self, base: Base, follower: Follower, crowd: Crowd, index: int) -> Motion:
         """The base's motion during sweep ``index``, one pose a physics step."""
         coordinates = np.empty((self._steps + 1, 6))
         coordinates[0] = base.coordinates
+        crowd.advance(self._sensor.period, coordinates[0, :2])
         for step in range(self._steps):
             x, y, yaw = coordinates[step, :3].tolist()
+            crowd.put(base.data, step / self._steps)
             standing = base.time < STAND - 1e-9
             base.step(*((0.0, 0.0) if standing else follower.command(x, y, yaw)))
             coordinates[step + 1] = base.coordinates

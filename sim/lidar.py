@@ -20,8 +20,8 @@ HALF_INTENSITY_RANGE = 20.0
 class Caster(Protocol):
     """Whatever answers rays (N, 3), (N, 3), world frame."""
 
-    def cast(self, origins: Array, directions: Array) -> Hits:
-        """First hits of the rays."""
+    def cast(self, origins: Array, directions: Array, fractions: Array) -> Hits:
+        """First hits of the rays, each shot at a fraction (N,) of the sweep."""
         ...
 
 
@@ -41,6 +41,7 @@ class Lidar:
         order = sensor.firing_order
         shape = (sensor.columns, sensor.beams)
         self._times = sensor.shot_times.ravel()
+        self._fractions = 1.0 + self._times / sensor.period
         self._heads = sensor.shot_directions.reshape(-1, 3)
         self._ring = np.broadcast_to(order, shape).ravel()
         self._offset = _per_shot(sensor.range_offsets, order, shape)
@@ -56,7 +57,7 @@ class Lidar:
         T_lidar_head = _turn_about_z(phase)
         lidar_motion = motion.seen_from(self.T_base_lidar)
         origins, directions = self._rays(lidar_motion.seen_from(T_lidar_head), stamp)
-        hits = self._caster.cast(origins, directions)
+        hits = self._caster.cast(origins, directions, self._fractions)
         ranges, returned = self._measure(hits)
         r = ranges.take(returned)[:, None]
         heads = self._heads.take(returned, axis=0)

@@ -73,10 +73,12 @@ def posture(person: Person, x: float, y: float, yaw: float, stride: float) -> tu
 
 
 def upright_to(axes: Array) -> Array:
-    """(K, 4) quaternions, w first, that turn the z axis to upward unit vectors (K, 3)."""
-    half = axes + np.array([0.0, 0.0, 1.0])
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    return np.column_stack([half[:, 2], -half[:, 1], half[:, 0], np.zeros(len(axes))])
+    """(..., 4) quaternions, w first, that turn the z axis to upward unit vectors (..., 3)."""
+    quaternion_wxyz = np.zeros((*axes.shape[:-1], 4))
+    quaternion_wxyz[..., 0] = 1.0 + axes[..., 2]
+    quaternion_wxyz[..., 1] = -axes[..., 1]
+    quaternion_wxyz[..., 2] = axes[..., 0]
+    return quaternion_wxyz / np.linalg.norm(quaternion_wxyz, axis=-1, keepdims=True)
 
 
 def gathered(

@@ -54,7 +54,7 @@ def draw_truth(
     axes: Axes,
     world: World,
     storey: int,
-    details: Details = Details(),  # noqa: B008
+    details: Details = Details(),
 ) -> None:
     """One storey of a world in plan view."""
     truth = world.truth
@@ -84,7 +84,7 @@ def draw_truth(
 def scene_figure(
     world: World,
     storeys: Sequence[int] | None = None,
-    details: Details = Details(),  # noqa: B008
+    details: Details = Details(),
     title: str | None = None,
 ) -> Figure:
     """A figure of the world's storeys side by side (all that were built where None)."""

@@ -32,6 +32,7 @@ class BoxWorld:
     spec: mujoco.MjSpec
     mesh: BoxMesh
     footprints: tuple[MultiPolygon, ...]
+    people: tuple = ()
 
 
 @dataclass(frozen=True)
