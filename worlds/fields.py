@@ -91,6 +91,12 @@ class Field:
             self.wrong(f"metres within +-{MAX_COORDINATE:.0f}")
         return float(self.value)
 
+    def whole(self) -> int:
+        """A whole number."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            self.wrong("a whole number")
+        return self.value
+
     def positive(self) -> float:
         """A number above zero."""
         number = self.number()

@@ -33,7 +33,7 @@ class Mesh:
 
     vertices: (V, 3) float64, world frame [m]; triangles: (T, 3), outward; face: (T,) the face id or
     negative label of ``worlds.truth``; geom_name: (T,) index into geom_names, the MuJoCo geom that
-    holds the triangle. People move, and are not in it.
+    holds the triangle; glass: (T,) whether it is a pane. People move, and are not in it.
     """
 
     vertices: Array
@@ -41,11 +41,7 @@ class Mesh:
     face: NDArray[np.int32]
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
-
-    @property
-    def glass(self) -> NDArray[np.bool_]:
-        """(T,) which triangles are of glass."""
-        return self.face == GLASS
+    glass: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -173,12 +169,14 @@ def _mesh(solids: Sequence[Solid]) -> Mesh:
     offsets = np.cumsum(sizes) - sizes
     counts = [len(solid.triangles) for solid in solids]
     triangles = [solid.triangles + offset for solid, offset in zip(solids, offsets, strict=True)]
+    face = np.concatenate([solid.face for solid in solids])
     return Mesh(
         vertices=np.concatenate([solid.vertices for solid in solids]),
         triangles=np.concatenate(triangles).astype(np.int32),
-        face=np.concatenate([solid.face for solid in solids]),
+        face=face,
         geom_name=np.repeat(np.arange(len(solids), dtype=np.int32), counts),
         geom_names=tuple(solid.name for solid in solids),
+        glass=face == GLASS,
     )
 
 

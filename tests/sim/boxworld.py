@@ -23,6 +23,7 @@ class BoxMesh:
     face: NDArray[np.int32]
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
+    glass: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ def _mesh_and_faces(boxes: list[Box]) -> tuple[BoxMesh, tuple[Face, ...]]:
         np.array(labels, dtype=np.int32),
         np.array(names, dtype=np.int32),
         tuple(b.name for b in boxes),
+        np.zeros(12 * len(boxes), dtype=bool),
     )
     return mesh, tuple(faces)
 
