@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.scenes import scenes
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -28,39 +29,7 @@ def _names(names: Sequence[str]) -> str:
     return ", ".join(names)
 
 
-@app.command()
-def scenes(
-    show: Annotated[str | None, Option(help="Draw this scene (or plan file).")] = None,
-    out: Annotated[Path | None, Option(help="The picture's file (default: SCENE.png).")] = None,
-) -> None:
-    """The catalogue with its counts; a picture of one scene."""
-    from rich.console import Console
-
-    console = Console()
-    if show is None:
-        from eval.screen import counts_table
-        from worlds.catalogue import load_scene, scene_counts, scene_names
-
-        console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))
-    else:
-        path = _draw_scene(show, out or Path(f"{Path(show).stem}.png"))
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
-
-
-def _draw_scene(scene: str, path: Path) -> Path:
-    """Draws a scene as planned into a PNG file."""
-    from numpy.random import SeedSequence
-
-    from eval.files import whole_file
-    from worlds.catalogue import load_scene
-    from worlds.conditions import IDEAL
-    from worlds.picture import scene_figure
-    from worlds.world import build_world
-
-    world = build_world(load_scene(scene), SeedSequence(0), IDEAL)
-    with whole_file(path) as part:
-        scene_figure(world).savefig(part, format="png", dpi=150)
-    return path
+app.command()(scenes)
 
 
 @app.command()
@@ -78,7 +47,11 @@ def run(
     start: Annotated[str | None, Option(help="The room to start in.")] = None,
     sensor: Annotated[str, Option(help="Preset of the LiDAR.")] = RunConfig.sensor,
     conditions: Annotated[
-        str, Option(help="How the world was built: as-built or ideal.")
+        str,
+        Option(
+            help="How it is built, and what stands in it: as-built, ideal, office, real-site, "
+            "or several joined by +, such as furniture+people."
+        ),
     ] = RunConfig.conditions,
     detector: Annotated[
         str, Option(help=f"{_names(tuple(DETECTORS))}, or package.module:Class.")

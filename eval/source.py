@@ -20,7 +20,7 @@ SPEED = 0.6
 def make_world(config: RunConfig) -> World:
     """The world of a run, the storey that is driven. Raises InputError."""
     conditions = conditions_named(config.conditions)
-    seed, _ = _seeds(config)
+    seed, _ = seeds(config)
     return build_world(load_scene(config.scene), seed, conditions, config.storey or 0)
 
 
@@ -28,10 +28,10 @@ def make_source(config: RunConfig, world: World) -> Source:
     """The drive of a run. Raises InputError."""
     route = plan_route(world, config.storey or 0, config.start)
     speed = SPEED if config.speed is None else config.speed
-    _, seed = _seeds(config)
+    _, seed = seeds(config)
     return Drive(world, sensor_named(config.sensor), route, speed, seed, config.duration)
 
 
-def _seeds(config: RunConfig) -> list[np.random.SeedSequence]:
+def seeds(config: RunConfig) -> list[np.random.SeedSequence]:
     """Of the world and of the drive."""
     return np.random.SeedSequence(config.seed).spawn(2)
