@@ -11,11 +11,10 @@ import shapely
 from shapely.geometry import Polygon
 
 from slam.core import Array
-from worlds.asbuilt import build_walls
 from worlds.conditions import IDEAL, Conditions
 from worlds.layout import lay_out
 from worlds.plan import Opening, Storey
-from worlds.survey import BuiltStorey, survey
+from worlds.survey import as_built, survey
 from worlds.truth import Face, Truth
 
 SHORTEST = 1.6
@@ -111,8 +110,7 @@ def _glazed(partition: Partition, height: float, rng: np.random.Generator) -> Op
 def partitions(storey: Storey) -> list[Partition]:
     """All partitions of a storey as drawn that are long enough to be changed."""
     layout = lay_out(storey)
-    built = build_walls(layout.outline, layout.cut, layout.height, IDEAL, np.random.default_rng(0))
-    truth, _ = survey([BuiltStorey(0, layout, built)])
+    truth, _ = survey([as_built(0, layout, IDEAL, np.random.default_rng(0))])
     openings = shapely.STRtree([opening.footprint for opening in storey.openings])
     long = [p for p in _all_partitions(truth) if p.length >= SHORTEST]
     inner = [p.footprint(END, p.length - END) for p in long]

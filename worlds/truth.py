@@ -28,6 +28,9 @@ LEAF = -8  # door leaves
 class Face:
     """All coplanar, same-facing parts of one room's boundary.
 
+    Facets of a curve that are shorter than what is scored are taken together: such a face is a
+    chord, and its plane the best one through them.
+
     id: its place in ``Truth.faces`` and the label of the returns from it; segment: (2, 2) its two
     ends in plan view, at mid height, left end first when seen from the room; parts: (P, 2, 2) the
     stretches of real wall between them; normal (3,), d: n.x + d = 0 with n into the room; z_range:

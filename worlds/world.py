@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import Array, InputError
-from worlds.asbuilt import build_walls
 from worlds.conditions import AS_BUILT, Conditions
 from worlds.drafting import as_multipolygon
 from worlds.fittings import Fitting
@@ -23,7 +22,7 @@ from worlds.people import Person, add_people, gathered
 from worlds.plan import Plan, Storey
 from worlds.redrawn import redrawn
 from worlds.solids import Solid, wall_solids
-from worlds.survey import BuiltStorey, survey
+from worlds.survey import BuiltStorey, as_built, survey
 from worlds.truth import GLASS, Truth
 
 
@@ -132,8 +131,7 @@ def _built(
     plan: Plan, index: int, seed: np.random.SeedSequence, conditions: Conditions
 ) -> BuiltStorey:
     layout = lay_out(redrawn(plan.storeys[index], conditions, _rng(seed, index, _PLAN)))
-    built = build_walls(layout.outline, layout.cut, layout.height, conditions, _rng(seed, index))
-    return BuiltStorey(index, layout, built)
+    return as_built(index, layout, conditions, _rng(seed, index))
 
 
 _PLAN, _CEILINGS, _FITTINGS, _PEOPLE = range(4)
