@@ -15,7 +15,7 @@ from worlds.convex import convex_parts
 from worlds.drafting import as_multipolygon
 from worlds.fittings import BOX_CORNERS, BOX_TRIANGLES, Fitting
 from worlds.solids import Solid
-from worlds.truth import CEILING, FLOOR, GLASS
+from worlds.truth import CEILING, FLOOR, GLASS, NO_FACE
 
 SLAB = 0.1
 """Thickness of floors and ceilings [m]."""
@@ -52,7 +52,8 @@ def slabs(bounds: Array, z_floor: float, z_ceiling: float, prefix: str) -> tuple
 
 
 def with_holes(plate: Slab, holes: Sequence[Polygon]) -> list[Solid]:
-    """What holes leave of a level box, as prisms."""
+    """What holes leave of a level box, as prisms; the edges of the holes are neither floor nor
+    ceiling."""
     whole = shapely.box(*plate.low[:2], *plate.high[:2])
     rest = as_multipolygon(shapely.orient_polygons(whole.difference(shapely.union_all(holes))))
     convex = convex_parts(rest)
@@ -73,14 +74,10 @@ def _prism(name: str, ring: Array, plate: Slab) -> Solid:
         fan[:, ::-1],
         fan + count,
     ]
-    levels = [np.full(count, z) for z in (plate.low[2], plate.high[2])]
+    level = np.repeat([NO_FACE, plate.label], [2 * count, 2 * (count - 2)]).astype(np.int32)
+    vertices = [np.column_stack([ring, np.full(count, z)]) for z in (plate.low[2], plate.high[2])]
     faces = np.concatenate(triangles).astype(np.int32)
-    return Solid(
-        name,
-        np.concatenate([np.column_stack([ring, level]) for level in levels]),
-        faces,
-        np.full(len(faces), plate.label, dtype=np.int32),
-    )
+    return Solid(name, np.concatenate(vertices), faces, level)
 
 
 def building_spec(
