@@ -133,8 +133,8 @@ def _score_concepts(
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:
     """True labels of planes, rooms and walls for graph.json: (layer, id) -> label.
 
-    "surface 3" | "floor" | "ceiling" | "none" | "mixed" for planes; a room's name or "false"; "wall
-    2" or "false".
+    "surface 3" | "mixed" | a name of ``worlds.truth.LABELS`` for planes; a room's name or "false";
+    "wall 2" or "false".
     """
     labels = {("plane", vote.plane_id): vote.label for vote in scores.planes.votes}
     for room in record.proposals.rooms if scores.T_world_map is not None else ():

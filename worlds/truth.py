@@ -22,6 +22,17 @@ FURNITURE = -5
 PEOPLE = -6
 GLASS = -7  # panes in windows, partitions and doors
 LEAF = -8  # door leaves
+LABELS = {
+    "none": NO_FACE,
+    "floor": FLOOR,
+    "ceiling": CEILING,
+    "clutter": CLUTTER,
+    "furniture": FURNITURE,
+    "people": PEOPLE,
+    "glass": GLASS,
+    "leaf": LEAF,
+}
+"""By the names that files use."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@
      "walls": [{"id": 0, "faces": [0, 5], "thickness": 0.1}],
      "doors": [{"centre": [x, y], "rooms": [0, null], "width": 0.9, "height": 2.0}],
      "adjacency": [[0, 1]],
-     "labels": {"no_face": -1, "floor": -2, ...}}
+     "labels": {"none": -1, "floor": -2, ...}}
 
 Metres, world frame, z up; heights are absolute. Faces, walls and rooms stand at their ids. A face's
 plane is normal . x + d = 0 with the normal into the room; its segment and parts are plan views at
@@ -28,12 +28,10 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from slam.core import Array, InputError
-from worlds import truth as words
 from worlds.fields import Field, read_json
-from worlds.truth import Door, Face, Floor, Room, Truth, Wall
+from worlds.truth import LABELS, Door, Face, Floor, Room, Truth, Wall
 
 FORMAT = "roomloop-truth-1"
-LABELS = ("NO_FACE", "FLOOR", "CEILING", "CLUTTER", "FURNITURE", "PEOPLE", "GLASS", "LEAF")
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ def write_truth(file: TruthFile, path: Path) -> None:
         _block("walls", [vars(wall) for wall in truth.walls]),
         _block("doors", [_door(door) for door in truth.doors]),
         f'"adjacency": {json.dumps(adjacency(truth))}',
-        f'"labels": {json.dumps({name.lower(): getattr(words, name) for name in LABELS})}',
+        f'"labels": {json.dumps(LABELS)}',
     ]
     partial = path.with_name(path.name + ".part")
     try:
