@@ -112,7 +112,8 @@ def _place(
     room: Room, footprint: shapely.MultiPolygon, rng: np.random.Generator
 ) -> tuple[float, float]:
     """A free place of a room; the one farthest from its walls where it has none."""
-    free = room.polygon.buffer(-WALL_OFF).difference(footprint.buffer(WALL_OFF))
+    near = shapely.clip_by_rect(footprint, *room.polygon.buffer(WALL_OFF).bounds)
+    free = room.polygon.buffer(-WALL_OFF).difference(near.buffer(WALL_OFF))
     if not free.is_empty:
         low_x, low_y, high_x, high_y = free.bounds
         tries = rng.uniform([low_x, low_y], [high_x, high_y], (200, 2))

@@ -66,21 +66,22 @@ class RoomSpace:
         self._taken.append(footprint)
         return True
 
-    def free_places(self) -> Array:
-        """(N, 2) where the middle of a disc of radius ``CLEAR`` may be, reached from the doors."""
-        parts, _ = label(self._free)
-        own = {parts[way] for way in self._ways if way is not None} - {0}
-        return self._cells[np.isin(parts, list(own)) if own else self._free]
-
     def _near(self, footprint: Polygon) -> NDArray[np.bool_]:
         zone = footprint.buffer(CLEAR, quad_segs=4)
         return shapely.contains_xy(zone, self._cells[..., 0], self._cells[..., 1])
 
     def _way(self, door: Array, zone: float) -> tuple[int, int] | None:
         """The free cell nearest to a door, which no furniture will take."""
-        off = np.where(self._free, np.linalg.norm(self._cells - door, axis=-1), np.inf)
-        row, column = divmod(int(np.argmin(off)), off.shape[1]) if off.size else (0, 0)
-        return (row, column) if off.size and off[row, column] < zone else None
+        first = np.floor((door - zone - self.polygon.bounds[:2]) / CELL).astype(int)
+        left, top = np.maximum(first, 0)
+        right, bottom = np.maximum(first + round(2.0 * zone / CELL) + 2, 0)
+        rows, columns = np.nonzero(self._free[top:bottom, left:right])
+        if not len(rows):
+            return None
+        rows, columns = rows + top, columns + left
+        off = np.linalg.norm(self._cells[rows, columns] - door, axis=1)
+        best = int(np.argmin(off))
+        return (int(rows[best]), int(columns[best])) if off[best] < zone else None
 
     def _parts(self, free: NDArray[np.bool_]) -> IntArray:
         """(D,) the connected part at each door, 0 where there is none."""
