@@ -27,7 +27,7 @@ from eval.sinks import Sink, make_sink
 from eval.trajectory import Trajectory
 from sim.drive import Drive
 from sim.route import Route, plan_route
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from sim.truth import ScanTruth
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Frame, Proposals, RunError, Scan

@@ -15,6 +15,14 @@ from slam.core import Array, IntArray, Scan
 
 HALF_INTENSITY_RANGE = 20.0
 """Range [m] at which a head-on return is half as bright as a near one."""
+EDGE = 0.1
+"""Step in range between two neighbouring shots of a beam from which on it is an edge [m]."""
+MIRROR_POWER = 40
+"""What a pane mirrors back falls with this power of the cosine: to a half at 10 degrees."""
+PANE_SURFACES = 8
+"""Surfaces of glass that a shot passes; one that meets more is lost."""
+PASSED = 1e-4
+"""How far behind a pane's surface a shot goes on [m]."""
 
 
 class Caster(Protocol):
@@ -44,8 +52,9 @@ class Lidar:
         self._heads = sensor.shot_directions.reshape(-1, 3)
         self._ring = np.broadcast_to(order, shape).ravel()
         self._offset = _per_shot(sensor.range_offsets, order, shape)
-        self._sigma = _per_shot(sensor.range_noise, order, shape)
-        self._kept = 1.0 - _per_shot(sensor.dropout, order, shape)
+        self._sigma = _per_shot(sensor.range_noise, order, shape).astype(np.float32)
+        self._kept = 1.0 - _per_shot(sensor.dropout, order, shape).astype(np.float32)
+        self._weights = _weights(sensor)
 
     def sweep(self, index: int, stamp: float, motion: Motion) -> tuple[Scan, ScanTruth]:
         """The sweep that ends at ``stamp``; ``motion`` of the base covers its period.
@@ -53,17 +62,17 @@ class Lidar:
         Shots without a return are left out.
         """
         phase = self._rng.uniform() * self.sensor.column_step if self.sensor.random_phase else 0.0
-        T_lidar_head = _turn_about_z(phase)
-        lidar_motion = motion.seen_from(self.T_base_lidar)
-        origins, directions = self._rays(lidar_motion.seen_from(T_lidar_head), stamp)
+        origins, directions = self._rays(motion.seen_from(self.T_base_lidar), stamp, phase)
         hits = self._caster.cast(origins, directions)
+        if hits.glass is not None:
+            hits = self._through_glass(hits, hits.glass, origins, directions)
         ranges, returned = self._measure(hits)
         r = ranges.take(returned)[:, None]
         heads = self._heads.take(returned, axis=0)
         scan = Scan(
             index=index,
             stamp=stamp,
-            points=r * (heads @ T_lidar_head[:3, :3].T),
+            points=r * (heads @ _turn_about_z(phase).T),
             times=self._times.take(returned),
             ring=self._ring.take(returned),
             intensity=_intensity(r[:, 0], hits.cosine.take(returned)),
@@ -78,36 +87,107 @@ class Lidar:
         )
         return scan, truth
 
-    def _rays(self, motion: Motion, stamp: float) -> tuple[Array, Array]:
+    def _rays(self, motion: Motion, stamp: float, phase: float) -> tuple[Array, Array]:
         """World origins and directions (C * B, 3), each shot from the pose of its own instant.
 
-        Poses are found for the columns; between two columns, 56 us apart, they are blended.
+        Poses are found for the columns; between two columns, 56 us apart, they are blended. The
+        head's turn splits into that of the column and a small one of each beam, so that all
+        directions are one product of the columns' axes and the beams' weights on them.
         """
         sensor = self.sensor
         rotations, translations = motion.at(stamp + sensor.column_times)
-        offsets = np.asarray(sensor.firing_offsets)[sensor.firing_order]
-        blend = (offsets * sensor.rate * sensor.columns)[None, :, None]
-        heads = sensor.shot_directions
-        now = heads @ np.swapaxes(rotations[:-1], 1, 2)
-        change = heads @ np.swapaxes(rotations[1:] - rotations[:-1], 1, 2)
+        azimuth = np.pi + phase + np.float64(sensor.column_step) * np.arange(sensor.columns)
+        axes = _head_axes(rotations[:-1], azimuth)
+        change = _head_axes(rotations[1:], azimuth) - axes
+        both = np.concatenate([axes, change], axis=2).reshape(-1, 6)
+        directions = (both @ self._weights).reshape(sensor.columns, 3, sensor.beams)
+        blend = _into_column(sensor)[None, :, None]
         step = (translations[1:] - translations[:-1])[:, None]
         origins = translations[:-1, None] + blend * step
-        return origins.reshape(-1, 3), (now + blend * change).reshape(-1, 3)
+        rays = np.ascontiguousarray(directions.transpose(0, 2, 1))
+        return origins.reshape(-1, 3), rays.reshape(-1, 3)
+
+    def _through_glass(
+        self, hits: Hits, glass: NDArray[np.bool_], origins: Array, directions: Array
+    ) -> Hits:
+        """The hits of a sensor that sees through panes, all but now and then.
+
+        One draw decides for all panes on a shot's way: what is left of it, scaled up, is as good as
+        new.
+        """
+        chance = self._rng.random(len(glass))
+        seen = _copied(hits)
+        on = np.flatnonzero(glass)
+        for _ in range(PANE_SURFACES):
+            back = self._from_pane(seen.cosine[on])
+            passes = chance[on] >= back
+            chance[on] = (chance[on] - back) / np.maximum(1.0 - back, 1e-12)
+            on = on[passes]
+            if not len(on):
+                return seen
+            way = seen.distance[on] + PASSED
+            behind = self._caster.cast(origins[on] + way[:, None] * directions[on], directions[on])
+            _put(seen, on, behind, way)
+            on = on[behind.glass] if behind.glass is not None else on[:0]
+        seen.distance[on] = np.inf
+        return seen
+
+    def _from_pane(self, cosine: Array) -> Array:
+        """(N,) probabilities that a surface of glass itself returns a shot."""
+        return self.sensor.glass + self.sensor.glass_mirror * cosine**MIRROR_POWER
 
     def _measure(self, hits: Hits) -> tuple[Array, IntArray]:
         """Measured ranges (N,), and which shots (M,) gave a return."""
-        sensor = self.sensor
-        n = len(self._times)
+        sensor, n = self.sensor, len(self._times)
         ranges = hits.distance + self._offset
+        if sensor.divergence > 0.0:
+            self._mix(ranges)
         ranges += self._sigma * self._rng.standard_normal(n, dtype=np.float32)
         if sensor.range_step > 0.0:
-            ranges = np.round(ranges / sensor.range_step) * sensor.range_step
+            ranges = np.rint(ranges / sensor.range_step) * sensor.range_step
         kept = self._kept
         if sensor.grazing > 0.0:
-            kept = kept * (1.0 - np.exp(-hits.cosine / sensor.grazing))
+            kept = kept * -np.expm1(hits.cosine.astype(np.float32) / -sensor.grazing)
         returned = self._rng.random(n, dtype=np.float32) < kept
         returned &= (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
         return ranges, np.flatnonzero(returned)
+
+    def _mix(self, ranges: Array) -> None:
+        """Mixed pixels: a shot whose footprint lies across an edge returns from in between.
+
+        An edge lies anywhere between two neighbouring shots of one beam; within half a divergence
+        of either it takes its share of that shot.
+        """
+        table = ranges.reshape(self.sensor.columns, self.sensor.beams)
+        place = self._rng.random((len(table) - 1, table.shape[1]), dtype=np.float32)
+        with np.errstate(invalid="ignore"):  # no edge between two shots that hit nothing
+            step = np.abs(table[1:] - table[:-1])
+        row, beam = np.nonzero((step > EDGE) & (step < np.inf))
+        half = 0.5 * self.sensor.divergence / abs(self.sensor.column_step)
+        place = place[row, beam]
+        first, second = table[row, beam], table[row + 1, beam]
+        near, far = place < half, place > 1.0 - half
+        share = 0.5 + 0.5 * place[near] / half
+        table[row[near], beam[near]] = share * first[near] + (1.0 - share) * second[near]
+        share = 0.5 + 0.5 * (1.0 - place[far]) / half
+        table[row[far] + 1, beam[far]] = share * second[far] + (1.0 - share) * first[far]
+
+
+def _copied(hits: Hits) -> Hits:
+    return Hits(
+        hits.distance.copy(),
+        hits.cosine.copy(),
+        hits.triangle.copy(),
+        hits.face.copy(),
+        hits.geom.copy(),
+    )
+
+
+def _put(hits: Hits, rows: IntArray, behind: Hits, way: Array) -> None:
+    """Writes what shots met after ``way`` (K,) over what they had met, at ``rows`` (K,)."""
+    hits.distance[rows], hits.cosine[rows] = way + behind.distance, behind.cosine
+    hits.triangle[rows], hits.face[rows] = behind.triangle, behind.face
+    hits.geom[rows] = behind.geom
 
 
 def _per_shot(table: tuple[float, ...], order: NDArray[np.int16], shape: tuple[int, int]) -> Array:
@@ -115,11 +195,35 @@ def _per_shot(table: tuple[float, ...], order: NDArray[np.int16], shape: tuple[i
     return np.broadcast_to(np.asarray(table)[order], shape).ravel()
 
 
+def _into_column(sensor: Sensor) -> Array:
+    """(B,) how much of its column has passed when a beam fires, in firing order."""
+    offsets = np.asarray(sensor.firing_offsets)[sensor.firing_order]
+    return offsets * sensor.rate * sensor.columns
+
+
+def _weights(sensor: Sensor) -> Array:
+    """(6, B) beams on the three axes of ``_head_axes``, and again for their change on the way
+    through the column; in firing order."""
+    order = sensor.firing_order
+    blend = _into_column(sensor)
+    beside = np.asarray(sensor.azimuth_offsets)[order] + blend * sensor.column_step
+    elevation = np.asarray(sensor.elevations)[order]
+    level = np.cos(elevation)
+    weights = np.stack([level * np.cos(beside), level * np.sin(beside), np.sin(elevation)])
+    return np.concatenate([weights, blend * weights])
+
+
+def _head_axes(rotations: Array, azimuth: Array) -> Array:
+    """(C, 3, 3) axes (columns) of a head turned by ``azimuth`` (C,) within rotations (C, 3, 3)."""
+    c, s = np.cos(azimuth)[:, None], np.sin(azimuth)[:, None]
+    x, y = rotations[:, :, 0], rotations[:, :, 1]
+    return np.stack([c * x + s * y, c * y - s * x, rotations[:, :, 2]], axis=2)
+
+
 def _turn_about_z(angle: float) -> Array:
-    """(4, 4) rotation about z."""
-    T = np.eye(4)
-    T[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return T
+    """(3, 3) rotation about z."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _intensity(ranges: Array, cosine: Array) -> Array:

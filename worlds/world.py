@@ -28,7 +28,7 @@ class Mesh:
 
     vertices: (V, 3) float64, world frame [m]; triangles: (T, 3), outward; face: (T,) the face id or
     negative label of ``worlds.truth``; geom_name: (T,) index into geom_names, the MuJoCo geom that
-    holds the triangle.
+    holds the triangle; glass: (T,) whether it is a pane.
     """
 
     vertices: Array
@@ -36,6 +36,7 @@ class Mesh:
     face: NDArray[np.int32]
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
+    glass: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,7 @@ def _mesh(solids: Sequence[Solid]) -> Mesh:
         face=np.concatenate([solid.face for solid in solids]),
         geom_name=np.repeat(np.arange(len(solids), dtype=np.int32), counts),
         geom_names=tuple(solid.name for solid in solids),
+        glass=np.zeros(sum(counts), dtype=bool),
     )
 
 

@@ -5,7 +5,7 @@ from shapely.geometry import LineString, Point
 
 from sim.drive import Drive
 from sim.route import Route, plan_route
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import InputError, RunError
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
