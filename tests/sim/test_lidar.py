@@ -3,7 +3,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from boxworld import build_box_world, flat, wall
+from boxworld import build_box_world, flat, single_room, wall
 
 from sim.base import base_poses
 from sim.caster import RayCaster
@@ -11,6 +11,7 @@ from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.sensorfile import sensor_named
 from slam.core import inverse, pose, so3_exp, transform_points
+from slam.odometry import deskew
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
 from worlds.truth import FLOOR
@@ -100,6 +101,38 @@ def test_a_sweep_cast_in_motion_is_straight_again_once_deskewed_with_the_truth()
     assert np.abs(in_world - truth.points_world).max() < 1e-3
     skewed = transform_points(truth.T_world_base @ T_BASE_LIDAR, scan.points)
     assert np.abs(skewed - truth.points_world).max() > 0.05
+
+
+def on_an_arc(seconds, speed, turn_rate):
+    """T_world_base (K, 4, 4) of a base that drives a circle, in closed form."""
+    yaw, radius = 0.3 + turn_rate * np.asarray(seconds), speed / turn_rate
+    x = 3.0 + radius * (np.sin(yaw) - np.sin(0.3))
+    y = 2.0 - radius * (np.cos(yaw) - np.cos(0.3))
+    zero = np.zeros(len(yaw))
+    return base_poses(np.column_stack([x, y, yaw, zero, zero, zero]), 0.0)
+
+
+def off_the_room(points):
+    """Distance (N,) of points from the nearest surface of ``single_room()``."""
+    x, y, z = points.T
+    return np.min(np.abs([x, x - 6.0, y, y - 4.0, z, z - 2.7]), axis=0)
+
+
+@pytest.mark.parametrize(("speed", "turn_rate"), [(0.6, 0.8), (1.5, 1.2), (0.1, -2.0)])
+def test_what_is_cast_on_the_way_round_a_bend_lies_on_the_walls(speed, turn_rate):
+    stamps = np.linspace(0.0, 0.1, 21)
+    drive = Motion(stamps, on_an_arc(stamps, speed, turn_rate))
+    scan, _ = sweep(moved=drive, world=single_room())
+    poses = on_an_arc(0.1 + scan.times, speed, turn_rate)
+    in_base = transform_points(T_BASE_LIDAR, scan.points)
+    in_world = np.einsum("nij,nj->ni", poses[:, :3, :3], in_base) + poses[:, :3, 3]
+    assert len(scan) > 25_000
+    assert off_the_room(in_world).max() < 1e-3
+    assert off_the_room(transform_points(drive.poses[-1], in_base)).max() > 0.02
+    # Knowing only where the sweep began and ended, the odometry's way of it.
+    ends = [(0.0, drive.poses[0]), (0.1, drive.poses[-1])]
+    deskewed = transform_points(drive.poses[-1], deskew(replace(scan, stamp=0.1), ends))
+    assert off_the_room(deskewed).max() < 1e-3 + speed * abs(turn_rate) * 0.1**2 / 8.0
 
 
 def test_the_noise_is_what_the_preset_says():
