@@ -48,7 +48,7 @@ class Lidar:
         self._rng = rng
         order = sensor.firing_order
         shape = (sensor.columns, sensor.beams)
-        self._times = sensor.shot_times.ravel()
+        self._times = _single(sensor.shot_times.ravel())
         self._heads = sensor.shot_directions.reshape(-1, 3)
         self._ring = np.broadcast_to(order, shape).ravel()
         self._offset = _per_shot(sensor.range_offsets, order, shape)
@@ -59,7 +59,8 @@ class Lidar:
     def sweep(self, index: int, stamp: float, motion: Motion) -> tuple[Scan, ScanTruth]:
         """The sweep that ends at ``stamp``; ``motion`` of the base covers its period.
 
-        Shots without a return are left out.
+        Shots without a return are left out. The stamp is rounded to nanoseconds, points, times and
+        intensities to single precision, as a driver delivers them: a recording holds the same scan.
         """
         phase = self._rng.uniform() * self.sensor.column_step if self.sensor.random_phase else 0.0
         origins, directions = self._rays(motion.seen_from(self.T_base_lidar), stamp, phase)
@@ -71,11 +72,11 @@ class Lidar:
         heads = self._heads.take(returned, axis=0)
         scan = Scan(
             index=index,
-            stamp=stamp,
-            points=r * (heads @ _turn_about_z(phase).T),
+            stamp=round(stamp, 9),
+            points=_single(r * (heads @ _turn_about_z(phase).T)),
             times=self._times.take(returned),
             ring=self._ring.take(returned),
-            intensity=_intensity(r[:, 0], hits.cosine.take(returned)),
+            intensity=_single(_intensity(r[:, 0], hits.cosine.take(returned))),
             T_base_lidar=self.T_base_lidar,
         )
         away = r * directions.take(returned, axis=0)
@@ -218,6 +219,11 @@ def _head_axes(rotations: Array, azimuth: Array) -> Array:
     c, s = np.cos(azimuth)[:, None], np.sin(azimuth)[:, None]
     x, y = rotations[:, :, 0], rotations[:, :, 1]
     return np.stack([c * x + s * y, c * y - s * x, rotations[:, :, 2]], axis=2)
+
+
+def _single(values: Array) -> Array:
+    """Rounded to single precision."""
+    return values.astype(np.float32).astype(np.float64)
 
 
 def _turn_about_z(angle: float) -> Array:

@@ -7,14 +7,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, cast
 
 import numpy as np
 
 from eval.recordings.clouds import BadCloud, PointCloud2, read_cloud, scan_of
 from eval.recordings.recording import RecordingOptions, is_tum, truth_beside
 from eval.trajectory import Trajectory
-from slam.core import Array, InputError, Scan, pose, rotation_from_quaternion_xyzw
+from slam.core import (
+    Array,
+    InputError,
+    Scan,
+    WheelOdometry,
+    pose,
+    rotation_from_quaternion_xyzw,
+)
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -24,6 +31,9 @@ logger = logging.getLogger(__name__)
 CLOUDS = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
+TF = "tf2_msgs/msg/TFMessage"
+WHEELS = "wheel"
+"""What the name of a wheel odometry's topic says."""
 TRUTH_WORDS = ("truth", "mocap", "vicon", "optitrack")
 """What the name of a truth topic says. Any other odometry may be the robot's own estimate."""
 
@@ -43,6 +53,7 @@ class Header(Protocol):
     """std_msgs/Header."""
 
     stamp: Stamp
+    frame_id: str
 
 
 class Vector(Protocol):
@@ -62,23 +73,24 @@ class Pose(Protocol):
 
 
 class Message(Protocol):
-    """Any message that is read here; only the pose ones have a pose."""
+    """Any message that is read here; only the pose ones have a pose, an Odometry a twist."""
 
     header: Header
     pose: Pose
+    twist: Any
 
 
 class BagRecording:
     """The scans of one PointCloud2 topic.
 
-    The base is the sensor unless the options say otherwise: transforms in the bag are not read.
-    Raises InputError where there are no point clouds, or several topics of them and no choice.
+    Where the sensor sits on its base is taken from the bag's static transforms, if its parent there
+    is a base; wheel odometry with a scan's own stamp comes with the scan. Raises InputError where
+    there are no point clouds, or several topics of them and no choice.
     """
 
     def __init__(self, path: Path, options: RecordingOptions = RecordingOptions()) -> None:  # noqa: B008
         self.path = path
         self.skipped = 0
-        self._T_base_lidar = options.T_base_lidar
         with _opened(path) as bag:
             self.topic = _cloud_topic(path, bag, options.topic)
             self.count: int | None = bag.topics[self.topic].msgcount
@@ -86,6 +98,11 @@ class BagRecording:
             self.truth = truth_beside(path, options)
             if self.truth is None:
                 self.truth = _truth(path, bag, options.truth)
+            T_base_lidar = options.T_base_lidar
+            self._T_base_lidar = (
+                _mounting(bag, self.topic) if T_base_lidar is None else T_base_lidar
+            )
+            self._wheels = _wheels(bag)
 
     def __iter__(self) -> Iterator[Scan]:
         self.skipped = 0
@@ -116,7 +133,8 @@ class BagRecording:
                     if previous is None:
                         self._say_what_is_missing(cloud.seconds is None, cloud.ring is None)
                     previous = stamp
-                    yield scan_of(cloud, 0, stamp, period, self._T_base_lidar)
+                    scan = scan_of(cloud, 0, stamp, period, self._T_base_lidar)
+                    yield replace(scan, wheels=self._wheels.get(scan.stamp))
                 except BadCloud as bad:
                     yield bad
 
@@ -176,10 +194,14 @@ def _messages(bag: AnyReader, topic: str) -> Iterator[tuple[Message | BadCloud, 
             return
         try:
             message = cast("Message", bag.deserialize(raw, connection.msgtype))
-            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-            yield message, float(stamp) or 1e-9 * logged
+            yield message, _seconds(message.header.stamp) or 1e-9 * logged
         except Exception as error:
             yield BadCloud(f"message cannot be taken apart: {_line(error)}"), np.nan
+
+
+def _seconds(stamp: Stamp) -> float:
+    """To the nearest number that says these nanoseconds."""
+    return round(stamp.sec + 1e-9 * stamp.nanosec, 9)
 
 
 def _line(error: Exception) -> str:
@@ -239,6 +261,44 @@ def _read_truth(path: Path, bag: AnyReader, topic: str) -> Trajectory:
 def _pose(message: Message) -> Array:
     """(4, 4) of a PoseStamped or an Odometry."""
     inner = getattr(message.pose, "pose", message.pose)
-    q, t = inner.orientation, inner.position
+    return _rigid(inner.orientation, inner.position)
+
+
+def _rigid(q: Vector, t: Vector) -> Array:
     rotation = rotation_from_quaternion_xyzw(np.array([q.x, q.y, q.z, q.w]))
     return pose(rotation, np.array([t.x, t.y, t.z]))
+
+
+# --- the robot ------------------------------------------------------------------------------------
+
+
+def _mounting(bag: AnyReader, topic: str) -> Array:
+    """T_base_lidar by the static transforms; identity where none leads from a base to the cloud."""
+    frame = next((m.header.frame_id for m, _ in _messages(bag, topic) if _is_message(m)), None)
+    static = [c for c in bag.connections if c.topic == "/tf_static" and c.msgtype == TF]
+    for connection, _, raw in bag.messages(connections=static) if static else ():
+        message: Any = bag.deserialize(raw, connection.msgtype)
+        for link in message.transforms:
+            if link.child_frame_id == frame and "base" in link.header.frame_id:
+                return _rigid(link.transform.rotation, link.transform.translation)
+    return np.eye(4)
+
+
+def _is_message(message: Message | BadCloud) -> TypeGuard[Message]:
+    return not isinstance(message, BadCloud)
+
+
+def _wheels(bag: AnyReader) -> dict[float, WheelOdometry]:
+    """Wheel odometry by its stamps; empty unless one topic is named so."""
+    topics = [name for name in _topics(bag, (ODOMETRY,)) if WHEELS in name.lower()]
+    if len(topics) != 1:
+        return {}
+    readings = ((m, stamp) for m, stamp in _messages(bag, topics[0]) if _is_message(m))
+    return {stamp: WheelOdometry(stamp, _pose(m), _twist(m)) for m, stamp in readings}
+
+
+def _twist(message: Message) -> Array:
+    """(6,) of an Odometry."""
+    twist = message.twist.twist
+    vectors = (twist.linear, twist.angular)
+    return np.array([getattr(vector, axis) for vector in vectors for axis in "xyz"])

@@ -58,7 +58,8 @@ class PacketRecording:
         self.count: int | None = None
         self.skipped = 0
         self.bad_packets = 0
-        self._T_base_lidar = options.T_base_lidar
+        T_base_lidar = options.T_base_lidar
+        self._T_base_lidar = np.eye(4) if T_base_lidar is None else T_base_lidar
         self._payloads = _payloads(path)
         self._dual = self._first_is_dual()
         period = PACKET_PERIOD / 2.0 if self._dual else PACKET_PERIOD

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eval.outputs import read_tum
 from eval.trajectory import Trajectory
-from slam.core import Array, InputError, Scan, interpolate, pose
+from slam.core import Array, Scan, interpolate, pose
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,13 @@ class RecordingOptions:
 
     topic: of the point clouds in a bag (None: the only one). truth: a .tum file, or a topic of the
     bag (None: a .tum file beside the recording, else the one pose topic whose name says truth).
-    T_base_lidar: (4, 4), where the sensor sat on its base; left out, the base is the sensor.
+    T_base_lidar: (4, 4), where the sensor sat on its base (None: where the bag's static transforms
+    say, else the base is the sensor).
     """
 
     topic: str | None = None
     truth: str | None = None
-    T_base_lidar: Array = field(default_factory=lambda: np.eye(4))
+    T_base_lidar: Array | None = None
 
 
 class Recording(Protocol):
@@ -69,7 +70,7 @@ def poses_at(
     """Poses (N, 4, 4) of a recorded truth at other stamps (N,), and which of them are known.
 
     Unknown (identity) are those outside the truth and those between two of its poses that are more
-    than ``longest_gap`` [s] apart. Raises InputError when none is known: clocks that differ.
+    than ``longest_gap`` [s] apart.
     """
     k = np.clip(np.searchsorted(truth.stamps, stamps, "right") - 1, 0, max(len(truth) - 2, 0))
     poses = np.tile(np.eye(4), (len(stamps), 1, 1))
@@ -83,12 +84,4 @@ def poses_at(
                 truth.poses[k[i]], truth.poses[k[i] + 1], np.array([fraction])
             )
             poses[i] = pose(rotation[0], translation[0])
-    if not known.any():
-        raise InputError(f"truth: {_span(truth.stamps)} holds no pose for scans {_span(stamps)}")
     return poses, known
-
-
-def _span(stamps: Array) -> str:
-    if not len(stamps):
-        return "(empty)"
-    return f"from {stamps[0]:.3f} s to {stamps[-1]:.3f} s"
