@@ -7,11 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.caster import Hits
+from sim.caster import Hits, Rays
 from sim.motion import Motion
+from sim.sectors import Sectors
 from sim.sensor import Sensor
 from sim.truth import ScanTruth
 from slam.core import Array, IntArray, Scan
+
+Floats32 = NDArray[np.float32]
 
 HALF_INTENSITY_RANGE = 20.0
 """Range [m] at which a head-on return is half as bright as a near one."""
@@ -26,9 +29,9 @@ PASSED = 1e-4
 
 
 class Caster(Protocol):
-    """Whatever answers rays (N, 3), (N, 3), world frame."""
+    """Whatever answers rays (N, 6), world frame."""
 
-    def cast(self, origins: Array, directions: Array) -> Hits:
+    def cast(self, rays: Rays) -> Hits:
         """First hits of the rays."""
         ...
 
@@ -36,7 +39,8 @@ class Caster(Protocol):
 class Lidar:
     """A ``sensor`` mounted at ``T_base_lidar``; ``rng`` draws its noise and nothing else.
 
-    The same number of draws is made for every sweep, whatever it hits.
+    The same number of draws is made for every sweep, whatever it hits. Poses are in double
+    precision, what a single shot measures in single: a micrometre at 10 m.
     """
 
     def __init__(
@@ -48,13 +52,13 @@ class Lidar:
         self._rng = rng
         order = sensor.firing_order
         shape = (sensor.columns, sensor.beams)
-        self._times = _single(sensor.shot_times.ravel())
-        self._heads = sensor.shot_directions.reshape(-1, 3)
+        self._times = sensor.shot_times.ravel().astype(np.float32)
+        self._heads = sensor.shot_directions.reshape(-1, 3).astype(np.float32)
         self._ring = np.broadcast_to(order, shape).ravel()
         self._offset = _per_shot(sensor.range_offsets, order, shape)
-        self._sigma = _per_shot(sensor.range_noise, order, shape).astype(np.float32)
-        self._kept = 1.0 - _per_shot(sensor.dropout, order, shape).astype(np.float32)
-        self._weights = _weights(sensor)
+        self._sigma = _per_shot(sensor.range_noise, order, shape)
+        self._kept = np.float32(1.0) - _per_shot(sensor.dropout, order, shape)
+        self._sectors = Sectors(sensor)
 
     def sweep(self, index: int, stamp: float, motion: Motion) -> tuple[Scan, ScanTruth]:
         """The sweep that ends at ``stamp``; ``motion`` of the base covers its period.
@@ -63,54 +67,32 @@ class Lidar:
         intensities to single precision, as a driver delivers them: a recording holds the same scan.
         """
         phase = self._rng.uniform() * self.sensor.column_step if self.sensor.random_phase else 0.0
-        origins, directions = self._rays(motion.seen_from(self.T_base_lidar), stamp, phase)
-        hits = self._caster.cast(origins, directions)
+        rays = self._sectors.rays(motion.seen_from(self.T_base_lidar), stamp, phase)
+        hits = self._caster.cast(rays)
         if hits.glass is not None:
-            hits = self._through_glass(hits, hits.glass, origins, directions)
+            hits = self._through_glass(hits, hits.glass, rays)
         ranges, returned = self._measure(hits)
-        r = ranges.take(returned)[:, None]
-        heads = self._heads.take(returned, axis=0)
+        ranges = ranges.take(returned)
+        points = ranges[:, None] * self._heads.take(returned, axis=0)
+        rays = rays.take(returned, axis=0)
         scan = Scan(
             index=index,
             stamp=round(stamp, 9),
-            points=_single(r * (heads @ _turn_about_z(phase).T)),
-            times=self._times.take(returned),
+            points=(points @ _turn_about_z(phase).T).astype(np.float64),
+            times=self._times.take(returned).astype(np.float64),
             ring=self._ring.take(returned),
-            intensity=_single(_intensity(r[:, 0], hits.cosine.take(returned))),
+            intensity=_intensity(ranges, hits.cosine.take(returned)).astype(np.float64),
             T_base_lidar=self.T_base_lidar,
         )
-        away = r * directions.take(returned, axis=0)
         truth = ScanTruth(
             T_world_base=motion.poses[-1],
             face=hits.face.take(returned),
             geom=hits.geom.take(returned),
-            points_world=(origins.take(returned, axis=0) + away).astype(np.float32),
+            points_world=rays[:, :3] + ranges[:, None] * rays[:, 3:],
         )
         return scan, truth
 
-    def _rays(self, motion: Motion, stamp: float, phase: float) -> tuple[Array, Array]:
-        """World origins and directions (C * B, 3), each shot from the pose of its own instant.
-
-        Poses are found for the columns; between two columns, 56 us apart, they are blended. The
-        head's turn splits into that of the column and a small one of each beam, so that all
-        directions are one product of the columns' axes and the beams' weights on them.
-        """
-        sensor = self.sensor
-        rotations, translations = motion.at(stamp + sensor.column_times)
-        azimuth = np.pi + phase + np.float64(sensor.column_step) * np.arange(sensor.columns)
-        axes = _head_axes(rotations[:-1], azimuth)
-        change = _head_axes(rotations[1:], azimuth) - axes
-        both = np.concatenate([axes, change], axis=2).reshape(-1, 6)
-        directions = (both @ self._weights).reshape(sensor.columns, 3, sensor.beams)
-        blend = _into_column(sensor)[None, :, None]
-        step = (translations[1:] - translations[:-1])[:, None]
-        origins = translations[:-1, None] + blend * step
-        rays = np.ascontiguousarray(directions.transpose(0, 2, 1))
-        return origins.reshape(-1, 3), rays.reshape(-1, 3)
-
-    def _through_glass(
-        self, hits: Hits, glass: NDArray[np.bool_], origins: Array, directions: Array
-    ) -> Hits:
+    def _through_glass(self, hits: Hits, glass: NDArray[np.bool_], rays: Rays) -> Hits:
         """The hits of a sensor that sees through panes, all but now and then.
 
         One draw decides for all panes on a shot's way: what is left of it, scaled up, is as good as
@@ -127,17 +109,19 @@ class Lidar:
             if not len(on):
                 return seen
             way = seen.distance[on] + PASSED
-            behind = self._caster.cast(origins[on] + way[:, None] * directions[on], directions[on])
+            further = rays[on]
+            further[:, :3] += way[:, None] * further[:, 3:]
+            behind = self._caster.cast(further)
             _put(seen, on, behind, way)
             on = on[behind.glass] if behind.glass is not None else on[:0]
         seen.distance[on] = np.inf
         return seen
 
-    def _from_pane(self, cosine: Array) -> Array:
+    def _from_pane(self, cosine: Floats32) -> Floats32:
         """(N,) probabilities that a surface of glass itself returns a shot."""
         return self.sensor.glass + self.sensor.glass_mirror * cosine**MIRROR_POWER
 
-    def _measure(self, hits: Hits) -> tuple[Array, IntArray]:
+    def _measure(self, hits: Hits) -> tuple[Floats32, IntArray]:
         """Measured ranges (N,), and which shots (M,) gave a return."""
         sensor, n = self.sensor, len(self._times)
         ranges = hits.distance + self._offset
@@ -145,15 +129,15 @@ class Lidar:
             self._mix(ranges)
         ranges += self._sigma * self._rng.standard_normal(n, dtype=np.float32)
         if sensor.range_step > 0.0:
-            ranges = np.rint(ranges / sensor.range_step) * sensor.range_step
+            ranges = np.rint(ranges / sensor.range_step) * np.float32(sensor.range_step)
         kept = self._kept
         if sensor.grazing > 0.0:
-            kept = kept * -np.expm1(hits.cosine.astype(np.float32) / -sensor.grazing)
+            kept = kept * -np.expm1(hits.cosine / -sensor.grazing)
         returned = self._rng.random(n, dtype=np.float32) < kept
         returned &= (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
         return ranges, np.flatnonzero(returned)
 
-    def _mix(self, ranges: Array) -> None:
+    def _mix(self, ranges: Floats32) -> None:
         """Mixed pixels: a shot whose footprint lies across an edge returns from in between.
 
         An edge lies anywhere between two neighbouring shots of one beam; within half a divergence
@@ -184,54 +168,26 @@ def _copied(hits: Hits) -> Hits:
     )
 
 
-def _put(hits: Hits, rows: IntArray, behind: Hits, way: Array) -> None:
+def _put(hits: Hits, rows: IntArray, behind: Hits, way: Floats32) -> None:
     """Writes what shots met after ``way`` (K,) over what they had met, at ``rows`` (K,)."""
     hits.distance[rows], hits.cosine[rows] = way + behind.distance, behind.cosine
     hits.triangle[rows], hits.face[rows] = behind.triangle, behind.face
     hits.geom[rows] = behind.geom
 
 
-def _per_shot(table: tuple[float, ...], order: NDArray[np.int16], shape: tuple[int, int]) -> Array:
+def _per_shot(
+    table: tuple[float, ...], order: NDArray[np.int16], shape: tuple[int, int]
+) -> Floats32:
     """A beam table, repeated for every column in firing order: (C * B,)."""
-    return np.broadcast_to(np.asarray(table)[order], shape).ravel()
+    return np.broadcast_to(np.asarray(table, dtype=np.float32)[order], shape).ravel()
 
 
-def _into_column(sensor: Sensor) -> Array:
-    """(B,) how much of its column has passed when a beam fires, in firing order."""
-    offsets = np.asarray(sensor.firing_offsets)[sensor.firing_order]
-    return offsets * sensor.rate * sensor.columns
-
-
-def _weights(sensor: Sensor) -> Array:
-    """(6, B) beams on the three axes of ``_head_axes``, and again for their change on the way
-    through the column; in firing order."""
-    order = sensor.firing_order
-    blend = _into_column(sensor)
-    beside = np.asarray(sensor.azimuth_offsets)[order] + blend * sensor.column_step
-    elevation = np.asarray(sensor.elevations)[order]
-    level = np.cos(elevation)
-    weights = np.stack([level * np.cos(beside), level * np.sin(beside), np.sin(elevation)])
-    return np.concatenate([weights, blend * weights])
-
-
-def _head_axes(rotations: Array, azimuth: Array) -> Array:
-    """(C, 3, 3) axes (columns) of a head turned by ``azimuth`` (C,) within rotations (C, 3, 3)."""
-    c, s = np.cos(azimuth)[:, None], np.sin(azimuth)[:, None]
-    x, y = rotations[:, :, 0], rotations[:, :, 1]
-    return np.stack([c * x + s * y, c * y - s * x, rotations[:, :, 2]], axis=2)
-
-
-def _single(values: Array) -> Array:
-    """Rounded to single precision."""
-    return values.astype(np.float32).astype(np.float64)
-
-
-def _turn_about_z(angle: float) -> Array:
+def _turn_about_z(angle: float) -> Floats32:
     """(3, 3) rotation about z."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=np.float32)
 
 
-def _intensity(ranges: Array, cosine: Array) -> Array:
+def _intensity(ranges: Floats32, cosine: Floats32) -> Floats32:
     """Brightness in [0, 1]: Lambert's cosine, halved at ``HALF_INTENSITY_RANGE``."""
     return cosine / (1.0 + (ranges / HALF_INTENSITY_RANGE) ** 2)

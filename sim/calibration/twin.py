@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.calibration.shots import Shots, shots_of_scans
-from sim.caster import Hits
+from sim.caster import Hits, Rays
 from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.sensor import Sensor
@@ -33,8 +33,9 @@ class Twin:
         self._sines = np.sin(0.5 * (elevations[1:] + elevations[:-1]))
         self._ranges = _median_ranges(shots) - np.nan_to_num(offsets)[:, None]
 
-    def cast(self, origins: Array, directions: Array) -> Hits:
-        """What rays (N, 3) from the origin meet; everything is met head-on."""
+    def cast(self, rays: Rays) -> Hits:
+        """What rays (N, 6) from the origin meet; everything is met head-on."""
+        directions = rays[:, 3:].astype(np.float64)
         beam = np.searchsorted(self._sines, directions[:, 2])
         azimuth = np.arctan2(directions[:, 1], directions[:, 0])
         place = (azimuth + np.pi) / (2.0 * np.pi) * self._ranges.shape[1] - 0.5
@@ -46,8 +47,9 @@ class Twin:
             between = (1.0 - share) * near + share * far
         nearest = np.where(share < 0.5, near, far)
         nothing = np.zeros(len(beam), dtype=np.int32)
-        distance = np.where(one_surface, between, nearest)
-        return Hits(distance, np.ones(len(beam)), nothing, nothing, nothing)
+        distance = np.where(one_surface, between, nearest).astype(np.float32)
+        head_on = np.ones(len(beam), dtype=np.float32)
+        return Hits(distance, head_on, nothing, nothing, nothing)
 
 
 def simulated_twin(shots: Shots, offsets: Array, sensor: Sensor, rng: np.random.Generator) -> Shots:

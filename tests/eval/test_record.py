@@ -1,4 +1,4 @@
-"""A drive recorded as a bag and run again: the same trajectory and, with labels, the same scores."""
+"""A drive recorded as a bag and run again: the same trajectory; with labels, the same scores."""
 
 from __future__ import annotations
 

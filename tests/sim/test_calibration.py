@@ -14,7 +14,7 @@ from sim.calibration.beams import BeamConfig, Calibration, calibrate, mixed_pixe
 from sim.calibration.shots import Shots, shots_of_scans
 from sim.calibration.twin import Twin, simulated_twin
 from sim.calibration.walls import WallConfig, fit_planes
-from sim.caster import RayCaster
+from sim.caster import RayCaster, Rays
 from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.sensorfile import sensor_named
@@ -211,11 +211,15 @@ def test_the_simulated_sensor_is_calibrated_to_its_own_numbers() -> None:
 # --- the twin of a scene --------------------------------------------------------------------------
 
 
+def rays_along(directions: Array) -> Rays:
+    return np.hstack([np.zeros_like(directions), directions]).astype(np.float32)
+
+
 def test_the_twin_answers_with_the_recorded_ranges_without_the_beams_offsets() -> None:
     shots = flawed(room(), noise=0.002)
     twin = Twin(shots, OFFSETS)
     exact = room()
-    hits = twin.cast(np.zeros((COLUMNS, 3)), exact.directions[:COLUMNS, 3])
+    hits = twin.cast(rays_along(exact.directions[:COLUMNS, 3]))
     error = hits.distance - exact.ranges[:COLUMNS, 3]
     assert np.median(np.abs(error)) < 2e-3
     assert np.mean(np.abs(error) < 0.01) > 0.95  # but for the corners
@@ -226,13 +230,9 @@ def test_a_hole_stays_a_hole_and_an_edge_an_edge() -> None:
     shots.ranges[np.abs(shots.azimuth) < 0.3] = 0.0
     shots.ranges[np.abs(shots.azimuth - 1.5) < 0.3] = 1.0
     directions = np.array([[1.0, 0.0, 0.0], [np.cos(1.5), np.sin(1.5), 0.0], [-1.0, 0.0, 0.0]])
-    hits = Twin(shots, np.zeros(BEAMS)).cast(np.zeros((3, 3)), directions)
+    hits = Twin(shots, np.zeros(BEAMS)).cast(rays_along(directions))
     assert hits.distance[:2].tolist() == [np.inf, 1.0]
-    table = (
-        Twin(shots, np.zeros(BEAMS))
-        .cast(np.zeros_like(shots.directions[:, 0]), shots.directions[:, 0])
-        .distance
-    )
+    table = Twin(shots, np.zeros(BEAMS)).cast(rays_along(shots.directions[:, 0])).distance
     near_edge = np.abs(shots.azimuth[:, 0] - 1.8) < 0.02
     assert set(np.round(table[near_edge & (table < 1.2)], 6)) == {1.0}
 

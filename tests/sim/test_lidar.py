@@ -39,11 +39,15 @@ def sweep(sensor="ideal", moved=None, seed=0, world=None):
     return lidar.sweep(0, 0.1, moved or motion(STANDING))
 
 
+def rays(origins, directions):
+    return np.hstack([origins, directions]).astype(np.float32)
+
+
 def test_rays_hit_where_a_closed_form_says():
     caster = RayCaster(flat().mesh)
     origins = np.tile([2.0, 3.5, 0.5], (4, 1))
     directions = np.array([[-1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0], [-0.6, 0.8, 0]])
-    hits = caster.cast(origins, directions)
+    hits = caster.cast(rays(origins, directions))
     assert hits.distance == pytest.approx([2.0, 2.2, 0.5, 2.75], abs=1e-6)
     assert hits.face[2] == FLOOR
 
@@ -60,7 +64,7 @@ def test_embree_and_mujoco_agree_on_an_as_built_building():
     origins = np.array([[*rooms[k % len(rooms)], 0.5] for k in range(6000)])
     directions = rng.normal(size=(6000, 3)) * [1.0, 1.0, 0.3]
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    hits = caster.cast(origins, directions)
+    hits = caster.cast(rays(origins, directions))
     wrong = 0
     for k in range(len(origins)):
         geom = np.array([-1], dtype=np.int32)
@@ -146,8 +150,8 @@ def test_the_noise_is_what_the_preset_says():
             origin = transform_points(truth.T_world_base, T_BASE_LIDAR[:3, 3])
             world = flat()
             away = truth.points_world[mine] - origin
-            rays = away / np.linalg.norm(away, axis=1, keepdims=True)
-            exact = RayCaster(world.mesh).cast(np.tile(origin, (len(rays), 1)), rays).distance
+            ways = away / np.linalg.norm(away, axis=1, keepdims=True)
+            exact = RayCaster(world.mesh).cast(rays(np.tile(origin, (len(ways), 1)), ways)).distance
             errors.append(np.linalg.norm(away, axis=1) - exact)
             shots += mine.sum()
         error = np.concatenate(errors)
