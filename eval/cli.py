@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.bench import bench
+from eval.commands.record import record
 from eval.commands.scenes import scenes
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
@@ -21,8 +23,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
+Scene = Annotated[str, typer.Argument(help="A name of the catalogue, a plan file, or a recording.")]
 Option = typer.Option
+app.command()(record)
+app.add_typer(bench, name="bench")
 
 
 def _names(names: Sequence[str]) -> str:
@@ -45,7 +49,7 @@ def run(
     speed: Annotated[float | None, Option(help="Of the base, m/s.")] = None,
     storey: Annotated[int | None, Option(help="Counted from 0.")] = None,
     start: Annotated[str | None, Option(help="The room to start in.")] = None,
-    sensor: Annotated[str, Option(help="Preset of the LiDAR.")] = RunConfig.sensor,
+    sensor: Annotated[str, Option(help="Preset of the LiDAR, or a .toml file.")] = RunConfig.sensor,
     conditions: Annotated[
         str,
         Option(
@@ -66,6 +70,10 @@ def run(
         str, Option(help=f"How rooms and walls constrain it: {_names(FACTORS)}.")
     ] = RunConfig.factors,
     loops: Annotated[str, Option(help=f"Loop closure: {_names(LOOPS)}.")] = RunConfig.loops,
+    truth: Annotated[
+        str | None, Option(help="Of a recording: a .tum file, labels.npz, or a topic of the bag.")
+    ] = None,
+    topic: Annotated[str | None, Option(help="Of a bag's point clouds, if it has several.")] = None,
     save: Annotated[bool, Option("--save", help="Write recording.rrd too.")] = False,
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
@@ -87,6 +95,8 @@ def run(
         layers=layers,
         factors=factors,
         loops=loops,
+        truth=truth,
+        topic=topic,
         save=save,
         cache=cache,
     )

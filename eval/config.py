@@ -28,7 +28,9 @@ class RunConfig:
     base [m/s] (None: the base's own); storey: counted from 0 (None: the lowest that can be driven);
     start: the room it starts in, by name; sensor, conditions: names of presets; detector, odometry:
     a name or ``package.module:Class``; layers: what enters the graph; factors: how rooms and walls
-    constrain it; loops: loop closure; save: write recording.rrd; cache: a folder of recorded front
+    constrain it; loops: loop closure; truth: of a recording, a .tum file, the labels (.npz) of a
+    recorded drive, or a topic of the bag; topic: of a bag's point clouds; save: write
+    recording.rrd; cache: a folder of recorded front
     ends (``eval.artefact``), which variants of detector and back end replay.
     """
 
@@ -46,6 +48,8 @@ class RunConfig:
     layers: str = "rooms+walls"
     factors: str = "paper"
     loops: str = "on"
+    truth: str | None = None
+    topic: str | None = None
     save: bool = False
     cache: Path | None = None
 

@@ -84,12 +84,14 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
 def _over(T: Array | None, path: Trajectory, true_path: Trajectory) -> Array:
     if T is not None:
         return T
-    return origin_alignment(path, true_path) if len(path) else np.eye(4)
+    return origin_alignment(path, true_path) if len(path) and len(true_path) else np.eye(4)
 
 
 def _headline(scores: Scores) -> str:
     ate, odometry = scores.estimate.ate, scores.odometry.ate
-    rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
+    rooms = "no room truth"
+    if scores.rooms.entered is not None:
+        rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
     if ate is None or odometry is None:
         return f"not aligned, {rooms}"
     return f"ATE {100 * ate:.1f} cm (odometry {100 * odometry:.1f} cm), {rooms}"

@@ -80,17 +80,17 @@ class PlaneScore:
     surface and overlap; mapped_faces: seen faces with at least half of their seen length on one
     plane that is not mixed and whose surface is theirs; plane_rmse: samples every 10 cm along the
     estimated segments, at the foot, middle and top of each, to the face they belong to, over planes
-    on faces that are not mixed.
+    on faces that are not mixed. All but mapped are None where nothing is known of the place.
     """
 
     mapped: int
-    mixed: int
-    duplicates: int
-    faces_seen: int
-    completeness: float | None
-    plane_rmse: float | None
-    mapped_faces: frozenset[int]
-    votes: tuple[PlaneVote, ...]
+    mixed: int | None = None
+    duplicates: int | None = None
+    faces_seen: int | None = None
+    completeness: float | None = None
+    plane_rmse: float | None = None
+    mapped_faces: frozenset[int] = frozenset()
+    votes: tuple[PlaneVote, ...] = ()
 
 
 def vote_plane(labelled: LabelledPlane, surfaces: Surfaces) -> PlaneVote:

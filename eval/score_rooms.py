@@ -39,8 +39,8 @@ class RoomScore:
     detector that proposes rooms without pieces; IoU then follows the centre rule.
     """
 
-    truth: int
-    entered: int
+    truth: int | None = None
+    entered: int | None = None
     detected: float | None = None
     true_positive: float | None = None
     precision: float | None = None

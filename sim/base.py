@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import cos, exp, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.wheels import WheelConfig, Wheels
 from slam.core import Array, InputError, RunError
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ class BaseConfig:
     the sprung body, whose centre is ``sprung_height`` [m] above the floor; natural frequencies
     [Hz] and damping ratio of the suspension; road_height [m] and road_tilt [rad]: sigma of what the
     floor's unevenness does to it, over a correlation length of ``road_length`` [m]; speed [m/s],
-    acceleration [m/s2], turn_rate [rad/s], turn_acceleration [rad/s2]; timestep [s].
+    acceleration [m/s2], jerk [m/s3] and the same of turning, turn_rate [rad/s], turn_acceleration
+    [rad/s2], turn_jerk [rad/s3]; wheels: what carries the base; timestep [s].
     """
 
     radius: float = 0.20
@@ -42,16 +45,31 @@ class BaseConfig:
     road_length: float = 0.30
     speed: float = 0.6
     acceleration: float = 0.5
+    jerk: float = 3.0
     turn_rate: float = 0.8
     turn_acceleration: float = 2.0
+    turn_jerk: float = 20.0
     lidar_height: float = 0.50
     timestep: float = 0.005
+    wheels: WheelConfig = field(default_factory=WheelConfig)
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
+            if name == "wheels":
+                continue
             least = 0.0 if name.startswith("road_") and name != "road_length" else 1e-9
             if not (np.isfinite(value) and value >= least):
                 raise InputError(f"base: {name} is {value}, expected a positive number")
+        if self.wheels.grip < self.timestep:
+            raise InputError(
+                f"base: wheels.grip is {self.wheels.grip} s, expected the physics step of "
+                f"{self.timestep} s or more"
+            )
+
+    @property
+    def mass(self) -> float:
+        """Of chassis and sprung body [kg]."""
+        return self.chassis_mass + self.sprung_mass
 
     @property
     def T_base_lidar(self) -> Array:
@@ -65,7 +83,7 @@ class Base:
     """The base in a compiled copy of a building's ``spec``, standing at (x, y, yaw) on ``z_floor``.
 
     The base frame lies at floor level in the middle of the disc and moves with the sprung body.
-    ``rng`` draws the unevenness of the floor.
+    ``rng`` draws the unevenness of the floor, and the wheels.
     """
 
     def __init__(
@@ -81,14 +99,15 @@ class Base:
         self.config = config
         self.z_floor = z_floor
         self._rng = rng
-        self._road = np.zeros(3)
+        self._road = [0.0, 0.0, 0.0]
         self._mujoco_step = mujoco.mj_step
         self.model = _with_base(spec, z_floor, config).compile()
         self.data = mujoco.MjData(self.model)
+        self.wheels = Wheels(config.wheels, config.mass, config.timestep, rng)
         self._disc = int(self.model.geom("base_disc").id)
         self._qpos = [int(self.model.joint(name).qposadr[0]) for name in JOINTS]
         self._dofs = [int(self.model.joint(name).dofadr[0]) for name in JOINTS]
-        self._stiffness = np.array([self.model.joint(name).stiffness[0] for name in JOINTS[3:]])
+        self._stiffness = [float(self.model.joint(name).stiffness[0]) for name in JOINTS[3:]]
         self.data.qpos[self._qpos[:3]] = start
         mujoco.mj_forward(self.model, self.data)
 
@@ -112,33 +131,51 @@ class Base:
         Raises RunError when the disc touches a wall.
         """
         yaw = float(self.data.qpos[self._qpos[2]])
-        self.data.ctrl[:3] = speed * np.cos(yaw), speed * np.sin(yaw), turn_rate
-        self.data.qfrc_applied[self._dofs[3:]] = self._stiffness * self._unevenness(abs(speed))
+        vx, vy, turning = self.data.qvel[self._dofs[:3]].tolist()
+        c, s = cos(yaw), sin(yaw)
+        ahead, aside = c * vx + s * vy, c * vy - s * vx
+        forwards, left, moment = self.wheels.push(speed, turn_rate, (ahead, aside, turning))
+        asked = self._unevenness(self.wheels.way(speed, turn_rate))
+        self.data.qfrc_applied[self._dofs] = (
+            c * forwards - s * left,
+            s * forwards + c * left,
+            moment,
+            *(k * height for k, height in zip(self._stiffness, asked, strict=True)),
+        )
         self._mujoco_step(self.model, self.data)
         if self.data.ncon:
             self._refuse_contact()
 
-    def _unevenness(self, speed: float) -> Array:
-        """(3,) heave [m], roll and pitch [rad] that the floor under the wheels asks for.
+    def _unevenness(self, way: float) -> list[float]:
+        """Heave [m], roll and pitch [rad] that the floor asks for after ``way`` [m] on it.
 
         Ornstein-Uhlenbeck in the distance travelled: a base that stands is not shaken.
         """
         config = self.config
-        memory = np.exp(-speed * config.timestep / config.road_length)
-        sigma = np.array([config.road_height, config.road_tilt, config.road_tilt])
-        kick = np.sqrt(1.0 - memory**2) * sigma
-        self._road = memory * self._road + kick * self._rng.standard_normal(3)
+        memory = exp(-way / config.road_length)
+        kick = sqrt(1.0 - memory * memory)
+        sigmas = (config.road_height, config.road_tilt, config.road_tilt)
+        draws = self._rng.standard_normal(3).tolist()
+        self._road = [
+            memory * height + kick * sigma * draw
+            for height, sigma, draw in zip(self._road, sigmas, draws, strict=True)
+        ]
         return self._road
 
     def _refuse_contact(self) -> None:
-        """Raises RunError: the disc is clear of the floor, so whatever it touches is a wall."""
-        geoms = self.data.contact.geom[0]
-        touched = int(geoms[0] if geoms[1] == self._disc else geoms[1])
-        name = self.model.geom(touched).name or f"geom {touched}"
-        x, y = self.coordinates[:2]
-        raise RunError(
-            f"the base touched a wall at t={self.time:.2f} s, x={x:.2f}, y={y:.2f} ({name})"
-        )
+        """Raises RunError if the disc touches anything: it is clear of the floor, so it is a wall.
+
+        What else may move in the building is free to touch what it likes.
+        """
+        for geoms in self.data.contact.geom.tolist():
+            if self._disc not in geoms:
+                continue
+            touched = geoms[0] if geoms[1] == self._disc else geoms[1]
+            name = self.model.geom(touched).name or f"geom {touched}"
+            x, y = self.coordinates[:2]
+            raise RunError(
+                f"the base touched a wall at t={self.time:.2f} s, x={x:.2f}, y={y:.2f} ({name})"
+            )
 
 
 def base_poses(coordinates: Array, z_floor: float) -> Array:
@@ -175,7 +212,6 @@ def _with_base(spec: mujoco.MjSpec, z_floor: float, config: BaseConfig) -> mujoc
         conaffinity=1,
     )
     _sprung_body(chassis, config)
-    _drive_actuators(spec, config)
     return spec
 
 
@@ -209,13 +245,3 @@ def _sprung_body(chassis: mujoco.MjsBody, config: BaseConfig) -> None:
         joint.stiffness[0] = inertia * omega**2
         joint.damping[0] = 2.0 * config.damping_ratio * inertia * omega
     sprung.add_site(name="lidar", pos=[0.0, 0.0, config.lidar_height])
-
-
-def _drive_actuators(spec: mujoco.MjSpec, config: BaseConfig) -> None:
-    """Velocity servos that follow within about 10 ms."""
-    import mujoco
-
-    mass = config.chassis_mass + config.sprung_mass
-    for joint, inertia in (("base_x", mass), ("base_y", mass), ("base_yaw", 1.0)):
-        motor = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_velocity(kv=100.0 * inertia)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.caster import Hits
+from sim.caster import Hits, Rays
 from sim.walkers import Walker, Walkers, gather_walkers
-from slam.core import Array
+from slam.core import Array, IntArray
 from worlds.truth import PEOPLE
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class People:
         """See ``Crowd``."""
         return CrowdCaster(caster, self)
 
-    def at(self, fractions: Array, people: int | slice) -> Postures:
+    def at(self, fractions: NDArray[np.floating], people: int | slice) -> Postures:
         """Some of them at fractions (N,) of the sweep, (N, ..., 4, 3): middles and axes go straight
         from its beginning to its end."""
         first, last = self._start, self._end
@@ -142,39 +142,45 @@ class CrowdCaster:
         self._caster = caster
         self._people = people
 
-    def cast(self, origins: Array, directions: Array, fractions: Array) -> Hits:
-        """First hits of rays (N, 3), (N, 3), world frame, at fractions (N,) of the sweep."""
-        hits = self._caster.cast(origins, directions, fractions)
-        if not len(origins):
+    def cast(self, rays: Rays, fractions: NDArray[np.float32]) -> Hits:
+        """First hits of rays (N, 6), world frame, each shot at a fraction (N,) of the sweep."""
+        hits = self._caster.cast(rays, fractions)
+        if not len(rays):
             return hits
-        distance, cosine = hits.distance.copy(), hits.cosine.copy()
-        face, geom, triangle = hits.face.copy(), hits.geom.copy(), hits.triangle.copy()
+        seen = hits.copy()
         for person, place in enumerate(self._people.places()):
-            rays = _rays_near(place, origins, directions, distance)
-            o, d, now = origins[rays], directions[rays], self._people.at(fractions[rays], person)
-            for part, radius in enumerate(self._people.radii.tolist()):
-                half = float(self._people.halves[person, part])
-                middles, axes = now.middles[:, part], now.axes[:, part]
-                reach, incidence = meet_capsule(o, d, middles, axes, half, radius)
-                nearer = np.flatnonzero(reach < distance[rays])
-                own = rays[nearer]
-                distance[own], cosine[own] = reach[nearer], incidence[nearer]
-                face[own], triangle[own] = PEOPLE, -1
-                geom[own] = self._people.geoms[person, part]
-        return Hits(distance, cosine, triangle, face, geom)
+            self._put_before(seen, person, _near(place, rays, hits.distance), rays, fractions)
+        return seen
+
+    def _put_before(
+        self, hits: Hits, person: int, near: IntArray, rays: Rays, fractions: NDArray[np.float32]
+    ) -> None:
+        """Writes where rays ``near`` somebody meet them over what is farther off."""
+        own = rays[near].astype(np.float64)
+        origins, directions = own[:, :3], own[:, 3:]
+        now = self._people.at(fractions[near], person)
+        for part, radius in enumerate(self._people.radii.tolist()):
+            half = float(self._people.halves[person, part])
+            capsule = now.middles[:, part], now.axes[:, part], half, radius
+            reach, incidence = meet_capsule(origins, directions, *capsule)
+            nearer = reach < hits.distance[near]
+            rows = near[nearer]
+            hits.distance[rows], hits.cosine[rows] = reach[nearer], incidence[nearer]
+            hits.face[rows], hits.triangle[rows] = PEOPLE, -1
+            hits.geom[rows] = self._people.geoms[person, part]
+            if hits.glass is not None:
+                hits.glass[rows] = False
 
 
-def _rays_near(
-    place: Array, origins: Array, directions: Array, distance: Array
-) -> NDArray[np.intp]:
+def _near(place: Array, rays: Rays, distance: NDArray[np.float32]) -> IntArray:
     """The rays that may meet somebody at a place (2,), by their directions in plan view, and are
     not stopped before."""
     from worlds.people import REACH
 
-    x, y = place - origins.mean(axis=0)[:2]
+    x, y = place - rays[:, :2].mean(axis=0)
     spread = REACH + BLUR
     before = np.flatnonzero(distance >= np.hypot(x, y) - spread)
-    dx, dy = directions[before, 0], directions[before, 1]
+    dx, dy = rays[before, 3], rays[before, 4]
     level = spread * np.hypot(dx, dy)
     wanted = (np.abs(dx * y - dy * x) <= level) & (dx * x + dy * y >= -level)
     return before[wanted]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.base import Base, BaseConfig, base_poses
 from sim.caster import THREADS, RayCaster
@@ -17,6 +18,7 @@ from sim.motion import Motion
 from sim.route import Route
 from sim.sensor import Sensor
 from sim.truth import ScanTruth
+from sim.wheels import Encoders
 from slam.core import Array, InputError, Scan
 
 if TYPE_CHECKING:
@@ -69,10 +71,13 @@ class Drive:
         caster = RayCaster(self._world.mesh, ids, self._threads)
         crowd = self._crowd(base, crowd_rng)
         lidar = Lidar(self._sensor, crowd.before(caster), lidar_rng, self._base.T_base_lidar)
+        encoders = Encoders(self._base.wheels, self._base.timestep)
         period = self._sensor.period
         index = 0
         while not follower.finished and (index + 1) * period <= self._limit:
-            yield lidar.sweep(index, (index + 1) * period, self._move(base, follower, crowd, index))
+            motion, counts = self._move(base, follower, crowd, index)
+            scan, truth = lidar.sweep(index, (index + 1) * period, motion)
+            yield replace(scan, wheels=encoders.read(scan.stamp, counts)), truth
             index += 1
 
     @property
@@ -86,20 +91,24 @@ class Drive:
             self._world, route.storey, route.points, config.radius, config.speed, base.model, rng
         )
 
-    def _move(self, base: Base, follower: Follower, crowd: Crowd, index: int) -> Motion:
-        """The base's motion during sweep ``index``, one pose a physics step."""
+    def _move(
+        self, base: Base, follower: Follower, crowd: Crowd, index: int
+    ) -> tuple[Motion, NDArray[np.int64]]:
+        """The base's motion during sweep ``index``, one pose a physics step, and beside it the
+        counts (K + 1, 2) of its encoders."""
         coordinates = np.empty((self._steps + 1, 6))
-        coordinates[0] = base.coordinates
+        counts = np.empty((self._steps + 1, 2), dtype=np.int64)
+        coordinates[0], counts[0] = base.coordinates, base.wheels.counts
         crowd.advance(self._sensor.period, coordinates[0, :2])
         for step in range(self._steps):
             x, y, yaw = coordinates[step, :3].tolist()
             crowd.put(base.data, step / self._steps)
             standing = base.time < STAND - 1e-9
             base.step(*((0.0, 0.0) if standing else follower.command(x, y, yaw)))
-            coordinates[step + 1] = base.coordinates
+            coordinates[step + 1], counts[step + 1] = base.coordinates, base.wheels.counts
         period = self._sensor.period
         stamps: Array = (index + np.arange(self._steps + 1) / self._steps) * period
-        return Motion(stamps, base_poses(coordinates, base.z_floor))
+        return Motion(stamps, base_poses(coordinates, base.z_floor)), counts
 
 
 def _check_positive(name: str, value: float) -> None:

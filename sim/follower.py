@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import ceil, sqrt
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from sim.base import BaseConfig
 from slam.core import Array, InputError
@@ -73,18 +75,65 @@ def _smoothed(values: Array, half: int = 4) -> Array:
 
 
 def _profile(s: Array, curvature: Array, config: BaseConfig) -> Array:
-    """The fastest speeds (N,) within the limits of turning and acceleration, from rest to rest.
+    """The fastest speeds (N,) within the limits of turning, acceleration and jerk, rest to rest.
 
-    A tenth of the turning rate is left to the steering.
+    A tenth of every limit is left to the steering and the wheels. Averaging over the time in which
+    the acceleration builds up bounds the jerk; what is averaged keeps clear of slow places by as
+    much, so that no average is faster than the place allows.
     """
-    speed = np.minimum(config.speed, 0.9 * config.turn_rate / np.maximum(np.abs(curvature), 1e-9))
+    acceleration = 0.9 * config.acceleration
+    window = 2.0 * acceleration / config.jerk
+    reach = ceil(0.5 * window * config.speed / (s[1] - s[0]))
+    speed = minimum_filter1d(_turning_limit(s, curvature, config), 2 * reach + 1)
     speed[[0, -1]] = 0.0
-    gain = 2.0 * config.acceleration * np.diff(s)
+    gain = 2.0 * acceleration * np.diff(s)
     for i in range(len(s) - 1):
         speed[i + 1] = min(speed[i + 1], np.sqrt(speed[i] ** 2 + gain[i]))
     for i in range(len(s) - 2, -1, -1):
         speed[i] = min(speed[i], np.sqrt(speed[i + 1] ** 2 + gain[i]))
-    return speed
+    return _averaged(s, speed, window, config.timestep)
+
+
+def _turning_limit(s: Array, curvature: Array, config: BaseConfig) -> Array:
+    """(N,) how fast the turning rate, and what its change asks of the wheels, let the base go."""
+    bend = np.maximum(np.abs(curvature), 1e-9)
+    change = np.maximum(np.abs(np.gradient(curvature, s)), 1e-9)
+    by_rate = 0.9 * config.turn_rate / bend
+    by_acceleration = np.sqrt(0.9 * config.turn_acceleration / change)
+    return np.minimum(config.speed, np.minimum(by_rate, by_acceleration))
+
+
+def _averaged(s: Array, speed: Array, window: float, step: float) -> Array:
+    """The same speeds (N,) at places s, each averaged over ``window`` seconds of the way."""
+    steps = np.diff(s) / np.maximum(0.5 * (speed[1:] + speed[:-1]), 1e-6)
+    at = np.append(0.0, np.cumsum(steps))
+    half = max(round(0.5 * window / step), 1)
+    seconds = np.arange(-half, np.ceil(at[-1] / step) + half + 1) * step
+    padded = np.pad(np.interp(seconds, at, speed, left=0.0, right=0.0), half)
+    mean = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+    way = np.append(0.0, np.cumsum(0.5 * (mean[1:] + mean[:-1]) * step))
+    return np.interp(s, way * (s[-1] / way[-1]), mean)
+
+
+class _Ramp:
+    """A command whose first and second derivative are bounded, followed step by step."""
+
+    def __init__(self, rate: float, jerk: float, step: float) -> None:
+        self._most, self._jerk, self._step = rate, jerk, step
+        self._rate = 0.0
+        self.value = 0.0
+
+    def towards(self, wish: float) -> float:
+        """The next value: as near to the wish as the bounds allow without passing it."""
+        left = wish - self.value
+        by = self._jerk * self._step
+        # From this rate on, taking off ``by`` each step ends at the wish.
+        braking = sqrt(0.25 * by * by + 2.0 * self._jerk * abs(left)) - 0.5 * by
+        rate = min(self._most, braking, abs(left) / self._step)
+        change = (rate if left > 0.0 else -rate) - self._rate
+        self._rate += max(-by, min(by, change))
+        self.value += self._rate * self._step
+        return self.value
 
 
 class Follower:
@@ -97,15 +146,16 @@ class Follower:
     ACROSS = 6.0  # turning per metre beside the line and metre driven [1/m2]
     ALONG = 3.5  # turning per radian off the heading and metre driven [1/m]
     ON_THE_SPOT = 3.0  # turning rate per radian still to turn [1/s]
-    LEAD = 0.06  # look this far ahead, for the delay of wheels and turning limit [s]
+    LEAD = 0.10  # look this far ahead, for the delay of wheels and turning limit [s]
 
     def __init__(self, points: Array, config: BaseConfig) -> None:
         self._config = config
         self._stretches = stretches(points, config)
         self._number = 0
         self._at = 0
-        self._speed = 0.0
-        self._turn = 0.0
+        step = config.timestep
+        self._speed = _Ramp(config.acceleration, config.jerk, step)
+        self._turn = _Ramp(config.turn_acceleration, config.turn_jerk, step)
         self._turning = True
 
     @property
@@ -139,7 +189,7 @@ class Follower:
     def _turn_on_the_spot(self, stretch: Stretch, yaw: float) -> tuple[float, float]:
         """Towards the heading at which the stretch begins; no faster than can be braked."""
         left = _angle(float(stretch.heading[0]) - yaw)
-        if abs(left) < 0.01 and abs(self._turn) < 0.05:
+        if abs(left) < 0.01 and abs(self._turn.value) < 0.05:
             self._turning = False
         brake = np.sqrt(1.6 * self._config.turn_acceleration * abs(left))
         rate = min(abs(self.ON_THE_SPOT * left), float(brake))
@@ -153,7 +203,7 @@ class Follower:
         if at == last:
             self._number, self._at, self._turning = self._number + 1, 0, True
             return self._limited(0.0, 0.0)
-        ahead = min(at + 1 + int(self._speed * self.LEAD / SPACING), last)
+        ahead = min(at + 1 + int(self._speed.value * self.LEAD / SPACING), last)
         heading = float(stretch.heading[at])
         dx, dy = x - float(stretch.points[at, 0]), y - float(stretch.points[at, 1])
         beside = -np.sin(heading) * dx + np.cos(heading) * dy
@@ -174,13 +224,9 @@ class Follower:
             self._at += 1
 
     def _limited(self, speed: float, turn: float) -> tuple[float, float]:
-        """The wish, as far as one step's acceleration and the turning rate allow."""
-        config = self._config
-        by, turn_by = (a * config.timestep for a in (config.acceleration, config.turn_acceleration))
-        turn = max(-config.turn_rate, min(config.turn_rate, turn))
-        self._speed += max(-by, min(by, speed - self._speed))
-        self._turn += max(-turn_by, min(turn_by, turn - self._turn))
-        return self._speed, self._turn
+        """The wish, as far as turning rate, acceleration and jerk allow."""
+        most = self._config.turn_rate
+        return self._speed.towards(speed), self._turn.towards(max(-most, min(most, turn)))
 
 
 def _angle(angle: float) -> float:

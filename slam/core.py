@@ -202,12 +202,26 @@ def plane_axes(normal: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
+class WheelOdometry:
+    """What a base makes of its wheels' turning; it drifts, and is no truth.
+
+    stamp [s]; T_odom_base: (4, 4) dead reckoning since the start, level; twist: (6,) linear
+    [m/s] and angular [rad/s] velocity in the base frame.
+    """
+
+    stamp: float
+    T_odom_base: Array
+    twist: Array
+
+
+@dataclass(frozen=True)
 class Scan:
     """One sweep as a sensor delivers it: raw, not deskewed, without any truth.
 
     points: (N, 3) float64, lidar frame at each point's own instant [m]; times: (N,) float64,
     seconds before the sweep's end (<= 0); ring: (N,) int, beam counted from the lowest;
-    intensity: (N,) float64 in [0, 1]; stamp: the sweep's END [s].
+    intensity: (N,) float64 in [0, 1]; stamp: the sweep's END [s]; wheels: the base's wheel odometry
+    at that instant, None where there is none.
     """
 
     index: int
@@ -217,6 +231,7 @@ class Scan:
     ring: NDArray[np.int16]
     intensity: Array
     T_base_lidar: Array = field(default_factory=lambda: np.eye(4))
+    wheels: WheelOdometry | None = None
 
     def __len__(self) -> int:
         return len(self.points)

@@ -1,1 +1,1 @@
-"""Commands of the command line, a module each."""
+"""The commands of the command line that are not in ``eval.cli`` itself, one a module."""

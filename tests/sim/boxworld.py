@@ -45,6 +45,7 @@ class Box:
     half: tuple[float, float, float]
     yaw: float = 0.0
     label: int | None = None
+    glass: bool = False
 
     @property
     def rotation(self) -> Array:
@@ -115,7 +116,7 @@ def _mesh_and_faces(boxes: list[Box]) -> tuple[BoxMesh, tuple[Face, ...]]:
         np.array(labels, dtype=np.int32),
         np.array(names, dtype=np.int32),
         tuple(b.name for b in boxes),
-        np.zeros(12 * len(boxes), dtype=bool),
+        np.repeat([b.glass for b in boxes], 12),
     )
     return mesh, tuple(faces)
 

@@ -11,7 +11,7 @@ from sim.crowd import Nobody, make_crowd, meet_capsule
 from sim.drive import Drive
 from sim.follower import Follower
 from sim.route import plan_route
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from sim.walkers import gather_walkers
 from slam.core import RunError
 from worlds.catalogue import load_scene
@@ -51,7 +51,8 @@ def test_rays_meet_people_where_mujoco_does():
         mujoco.mj_kinematics(base.model, base.data)
         for x, y in crowd.places():
             origins, directions = rays_at(world, crowd, (x, y), rng)
-            hits = caster.cast(origins, directions, np.full(len(origins), fraction))
+            rays = np.hstack([origins, directions]).astype(np.float32)
+            hits = caster.cast(rays, np.full(len(rays), fraction, dtype=np.float32))
             for k, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
                 geom = np.array([-1], dtype=np.int32)
                 far = mujoco.mj_ray(base.model, base.data, origin, direction, None, 1, -1, geom)

@@ -3,10 +3,12 @@ import pytest
 from boxworld import flat
 from shapely.geometry import LineString, Point
 
+from sim.base import Base, BaseConfig
 from sim.drive import Drive
+from sim.follower import Follower
 from sim.route import Route, plan_route
-from sim.sensor import sensor_named
-from slam.core import InputError, RunError
+from sim.sensorfile import sensor_named
+from slam.core import InputError, RunError, inverse
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
 from worlds.world import build_world
@@ -109,11 +111,64 @@ def test_two_drives_with_one_seed_are_the_same_to_the_bit_and_another_seed_is_no
         assert np.array_equal(a.times, b.times)
         assert np.array_equal(at.T_world_base, bt.T_world_base)
         assert np.array_equal(at.face, bt.face)
+        assert np.array_equal(a.wheels.T_odom_base, b.wheels.T_odom_base)
     assert not np.array_equal(one[-1][1].T_world_base, other[-1][1].T_world_base)
 
 
-def test_touching_a_wall_fails_the_run():
+@pytest.mark.parametrize(
+    ("points", "speed", "wall"),
+    [
+        ([[2.0, 3.5], [-1.0, 3.5]], 0.6, "west"),
+        ([[2.0, 3.5], [-1.0, 3.5]], 1.5, "west"),
+        ([[2.0, 5.55], [3.8, 5.55]], 0.6, "north"),  # along it, 15 cm away: the disc has 20
+        ([[1.2, 3.0], [1.8, 1.0]], 0.6, "inner_b"),  # through a door, but at its jamb
+    ],
+)
+def test_touching_a_wall_fails_the_run(points, speed, wall):
+    into_the_wall = Route(np.array(points), ("Left",), ())
+    with pytest.raises(RunError, match=rf"touched a wall at t=.*\({wall}\)"):
+        list(Drive(flat(), IDEAL, into_the_wall, speed=speed))
+
+
+@pytest.mark.parametrize("config", [BaseConfig(), BaseConfig(speed=1.5, turn_rate=1.2)])
+def test_speed_acceleration_and_jerk_stay_within_their_bounds(config):
+    route = plan_route(flat())
+    follower = Follower(route.points, config)
+    base = Base(flat().spec, 0.0, follower.start, config, np.random.default_rng(0))
+    asked, went = [], []
+    while not follower.finished:
+        asked.append(follower.command(*base.coordinates[:3].tolist()))
+        base.step(*asked[-1])
+        went.append(base.coordinates)
+    line = LineString(route.points)
+    assert max(line.distance(Point(place)) for place in np.array(went)[:, :2]) < 0.03
+    bounds = np.array(
+        [
+            [config.speed, config.acceleration, config.jerk],
+            [config.turn_rate, config.turn_acceleration, config.turn_jerk],
+        ]
+    )
+    change = np.array(asked)
+    for order in range(3):
+        assert (np.abs(change).max(axis=0) <= bounds[:, order] * (1.0 + 1e-4)).all()
+        assert (np.abs(change).max(axis=0) > 0.6 * bounds[:, order]).all()
+        change = np.diff(change, axis=0) / config.timestep
+    moved = np.diff(np.array(went)[:, :2], axis=0) / config.timestep
+    speed = np.linalg.norm(moved, axis=1)
+    assert speed.max() < 1.03 * config.speed
+    assert np.abs(np.diff(speed)).max() / config.timestep < 1.6 * config.acceleration
+
+
+def test_every_scan_comes_with_what_the_wheels_say():
     world = flat()
-    into_the_wall = Route(np.array([[2.0, 3.5], [-1.0, 3.5]]), ("Left",), ())
-    with pytest.raises(RunError, match="touched a wall at t="):
-        list(Drive(world, IDEAL, into_the_wall))
+    pairs = list(Drive(world, IDEAL, plan_route(world), seed=2, duration=20.0))
+    wheels = [scan.wheels for scan, _ in pairs]
+    assert [w.stamp for w in wheels] == [scan.stamp for scan, _ in pairs]
+    truth = np.array([t.T_world_base for _, t in pairs])
+    went = np.linalg.norm(np.diff(truth[:, :2, 3], axis=0), axis=1).sum()
+    believed = inverse(wheels[0].T_odom_base) @ wheels[-1].T_odom_base
+    true = inverse(truth[0]) @ truth[-1]
+    off = float(np.linalg.norm((believed - true)[:2, 3]))
+    assert 1e-4 < off < 0.1 * went  # an odometry, and not the truth
+    speed = [w.twist[0] for w in wheels]
+    assert max(speed) == pytest.approx(0.6, abs=0.05)

@@ -62,7 +62,8 @@ def assert_hits_are_on_their_faces(world, rng, count):
     origins = np.array([[*places[k % len(places)], z_floor + 1.0] for k in range(count)])
     directions = rng.normal(size=(count, 3)) * [1.0, 1.0, 0.4]
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    hits = RayCaster(world.mesh, threads=1).cast(origins, directions)
+    rays = np.hstack([origins, directions]).astype(np.float32)
+    hits = RayCaster(world.mesh, threads=1).cast(rays)
     points = origins + hits.distance[:, None] * directions
     met = 0
     for k in np.flatnonzero(np.isfinite(hits.distance) & (hits.face >= 0)):
