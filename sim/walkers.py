@@ -7,7 +7,6 @@ cannot be near before they are safe again; else they stop and wait, or think of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,6 @@ from slam.core import Array, IntArray
 from worlds.people import REACH
 
 if TYPE_CHECKING:
-    from worlds.people import Person
     from worlds.world import World
 
 SPACING = 0.05
@@ -33,9 +31,10 @@ SPACING = 0.05
 class WalkerConfig:
     """How people behave. off_walls: of their middle [m]; off_route: what makes a place safe beside
     the sizes of base and person [m]; speed, dwell: ranges of walking speed [m/s] and of standing
-    between two walks [s]; patience: of waiting for the base [s]; farthest: cost of a walk [m];
-    apart: between two people's lines [m]; turn: fastest [rad/s]; stride: legs' largest angle [rad]
-    and how far one walks in a full cycle [m]; cell: of the grid [m].
+    between two walks [s]; patience: of waiting for the base [s]; nearest, farthest: costs of a walk
+    [m]; apart: between two people's lines [m]; turn: fastest [rad/s]; stride_angle, stride_length:
+    the legs' largest angle [rad], and how far one walks in a full cycle [m]; cell: of the grid [m];
+    sill: how far beyond the rooms' outlines one may be, in doorways [m].
     """
 
     off_walls: float = 0.28
@@ -238,10 +237,9 @@ def gather_walkers(
     region = shapely.buffer(shapely.union_all(rooms), config.sill, join_style="mitre")
     space = free_space(world.footprints[storey], region, config.off_walls, config.cell)
     walkers = Walkers(space, off_route(space, route), base_radius, base_speed, rng, config)
-    places: Sequence[Person] = world.people
     return walkers, [
         walkers.join(np.array(person.place), person.yaw) if person.storey == storey else None
-        for person in places
+        for person in world.people
     ]
 
 
