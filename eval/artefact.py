@@ -22,16 +22,20 @@ from numpy.typing import NDArray
 from eval.config import RunConfig
 from eval.files import whole_file
 from eval.labels import KeptReturns, TruthStep
+from eval.recordings import is_recording
 from eval.seen import SeenStep
 from eval.source import plan_of
 from eval.steps import Step
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
 from worlds.catalogue import scene_sha256
 from worlds.conditions import conditions_named
 
-AFTER_THE_FRONT_END = {"scene", "out", "detector", "layers", "factors", "loops", "save", "cache"}
+AFTER_THE_FRONT_END = {
+    *("scene", "out", "detector", "layers", "factors", "loops", "save", "cache"),
+    *("truth", "topic"),
+}
 """Fields of RunConfig that no step depends on (the scene's content counts, not its name)."""
 
 CODE = (
@@ -47,11 +51,12 @@ Arrays = Mapping[str, NDArray]
 
 
 def artefact_path(config: RunConfig) -> Path | None:
-    """Where the front end of a run is kept; None for a run that keeps none, or needs whole scans.
+    """Where the front end of a run is kept; None for a run that keeps none or needs whole scans, or
+    of a recording.
 
     Raises InputError for a scene or a preset that there is not.
     """
-    if config.cache is None or config.save:
+    if config.cache is None or config.save or is_recording(config.scene):
         return None
     return config.cache / f"{front_end_key(config)}.npz"
 

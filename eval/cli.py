@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eval.commands.ablate import ablate
+from eval.commands.bench import bench
 from eval.commands.compare import compare
+from eval.commands.record import record
+from eval.commands.scenes import Unit, Up, scenes
 from eval.commands.score import score
 from eval.commands.train import train
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
 if TYPE_CHECKING:
-    from worlds.plan import Plan
+    pass
 
 app = typer.Typer(
     help="Evaluates indoor semantic LiDAR SLAM in simulation: a floor plan becomes a world, "
@@ -30,62 +33,18 @@ app = typer.Typer(
 Scene = Annotated[
     str,
     typer.Argument(
-        help="A name of the catalogue; a plan, IFC, mesh or occupancy map; a scenario (.toml)."
+        help="A name of the catalogue; a plan, IFC, mesh, occupancy map or recording; "
+        "or a scenario (.toml)."
     ),
 ]
 Option = typer.Option
-Unit = Annotated[
-    str | None,
-    Option(help="Unit of a mesh or IFC file: m, cm, mm, in, ft, or a factor to metres."),
-]
-Up = Annotated[str | None, Option(help="The axis of a mesh that points up: y or z.")]
+app.add_typer(bench, name="bench")
+app.command()(scenes)
+app.command()(record)
 
 
 def _names(names: Sequence[str]) -> str:
     return ", ".join(names)
-
-
-@app.command()
-def scenes(
-    show: Annotated[str | None, Option(help="Draw this scene (or a building's file).")] = None,
-    out: Annotated[Path | None, Option(help="The picture's file (default: SCENE.png).")] = None,
-    unit: Unit = None,
-    up: Up = None,
-) -> None:
-    """The catalogue with its counts; a picture of one scene."""
-    from rich.console import Console
-
-    console = Console()
-    if show is None:
-        from eval.screen import counts_table
-        from worlds.catalogue import load_scene, scene_counts, scene_names
-
-        console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))
-    else:
-        from eval.screen import our_warnings_only
-        from worlds.catalogue import load_scene
-        from worlds.readers import ReaderOptions
-
-        our_warnings_only(Console(stderr=True))
-        plan = load_scene(show, ReaderOptions(unit, up))
-        path = _draw_scene(plan, out or Path(f"{Path(show).stem}.png"))
-        for line in filter(None, (plan.notes, str(path))):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-def _draw_scene(plan: Plan, path: Path) -> Path:
-    """Draws a scene as planned into a PNG file."""
-    from numpy.random import SeedSequence
-
-    from eval.files import whole_file
-    from worlds.conditions import IDEAL
-    from worlds.picture import scene_figure
-    from worlds.world import build_world
-
-    world = build_world(plan, SeedSequence(0), IDEAL)
-    with whole_file(path) as part:
-        scene_figure(world).savefig(part, format="png", dpi=150)
-    return path
 
 
 @app.command()
@@ -109,9 +68,13 @@ def run(
         str | None, Option(help="A route that the scene names (default: every room).")
     ] = None,
     closed: Annotated[bool, Option("--closed", help="Return to the start.")] = False,
-    sensor: Annotated[str, Option(help="Preset of the LiDAR.")] = RunConfig.sensor,
+    sensor: Annotated[str, Option(help="Preset of the LiDAR, or a .toml file.")] = RunConfig.sensor,
     conditions: Annotated[
-        str | None, Option(help="How the world was built (default: as the scene says).")
+        str | None,
+        Option(
+            help="How it is built, and what stands in it: as-built, ideal, office, real-site, "
+            "or several joined by +, such as furniture+people (default: as the scene says)."
+        ),
     ] = None,
     detector: Annotated[
         str, Option(help=f"{_names(tuple(DETECTORS))}, or package.module:Class.")
@@ -126,6 +89,10 @@ def run(
         str, Option(help=f"How rooms and walls constrain it: {_names(FACTORS)}.")
     ] = RunConfig.factors,
     loops: Annotated[str, Option(help=f"Loop closure: {_names(LOOPS)}.")] = RunConfig.loops,
+    truth: Annotated[
+        str | None, Option(help="Of a recording: a .tum file, labels.npz, or a topic of the bag.")
+    ] = None,
+    topic: Annotated[str | None, Option(help="Of a bag's point clouds, if it has several.")] = None,
     save: Annotated[bool, Option("--save", help="Write recording.rrd too.")] = False,
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
@@ -155,6 +122,8 @@ def run(
         layers=layers,
         factors=factors,
         loops=loops,
+        truth=truth,
+        topic=topic,
         save=save,
         cache=cache,
         unit=unit,

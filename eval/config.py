@@ -29,10 +29,11 @@ class RunConfig:
     start: the room it starts in, by name; route: one that the scene names (None: every room);
     closed: return to the start; sensor, conditions: names of presets (conditions None: that which
     the scene names); detector, odometry: a name or ``package.module:Class``; layers: what enters
-    the graph; factors: how rooms and walls constrain it; loops: loop closure; save: write
-    recording.rrd; cache: a folder of recorded front ends (``eval.artefact``), which variants of
-    detector and back end replay; unit, up: of a building's file that does not declare them
-    (``worlds.readers.ReaderOptions``).
+    the graph; factors: how rooms and walls constrain it; loops: loop closure; truth: of a
+    recording, a .tum file, the labels (.npz) of a recorded drive, or a topic of the bag; topic: of
+    a bag's point clouds; save: write recording.rrd; cache: a folder of recorded front ends
+    (``eval.artefact``), which variants of detector and back end replay; unit, up: of a building's
+    file that does not declare them (``worlds.readers.ReaderOptions``).
     """
 
     scene: str
@@ -51,6 +52,8 @@ class RunConfig:
     layers: str = "rooms+walls"
     factors: str = "paper"
     loops: str = "on"
+    truth: str | None = None
+    topic: str | None = None
     save: bool = False
     cache: Path | None = None
     unit: str | None = None

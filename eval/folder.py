@@ -41,7 +41,20 @@ def config_values(config: RunConfig) -> dict[str, object]:
 def read_config(path: Path) -> RunConfig:
     """The RunConfig in a config.json, or in a run's folder: to run it again. Raises InputError."""
     path = path / CONFIG_FILE if path.is_dir() else path
-    values = dict(read_json(path))
+    return _config(dict(read_json(path)), path)
+
+
+def config_in(text: str, path: Path) -> RunConfig:
+    """The RunConfig in a text of ``config_text`` that stands in ``path``. Raises InputError."""
+    try:
+        values = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: config: expected JSON: {error}") from error
+    check(isinstance(values, dict), path, "config", "an object")
+    return _config(values, path)
+
+
+def _config(values: dict[str, object], path: Path) -> RunConfig:
     check(values.pop("schema", None) == SCHEMA, path, "schema", repr(SCHEMA))
     return config_of(values, path)
 

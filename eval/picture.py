@@ -86,7 +86,7 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
 def _over(T: Array | None, path: Trajectory, true_path: Trajectory) -> Array:
     if T is not None:
         return T
-    return origin_alignment(path, true_path) if len(path) else np.eye(4)
+    return origin_alignment(path, true_path) if len(path) and len(true_path) else np.eye(4)
 
 
 def _headline(scores: Scores) -> str:

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from eval.artefact import Replay, artefact_path, recorded
 from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
@@ -23,14 +25,12 @@ from eval.scenegraph import scene_graph
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
 from eval.sinks import Sink, make_sink
-from eval.source import make_source, make_world
+from eval.source import UNKNOWN, Place, make_place
 from eval.steps import Step, TruthFilter, live_steps
 from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
-from worlds.catalogue import scene_sha256
-from worlds.world import World
 
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
@@ -69,7 +69,7 @@ class _Clock:
 class _Parts:
     """Everything that one run is wired from."""
 
-    world: World
+    place: Place
     steps: Iterable[Step]
     replay: bool
     duration: float
@@ -98,14 +98,14 @@ def run(
     startup_s = time.perf_counter() - started
     started = time.perf_counter()
     failure: RunError | KeyboardInterrupt | None = None
-    parts.sink.started(config, parts.world.truth)
+    parts.sink.started(config, parts.place.truth)
     try:
         _loop(parts, clock, progress)
     except (RunError, KeyboardInterrupt) as stopped:
         failure = stopped
     wall_s = time.perf_counter() - started
     parts.sink.finished()
-    facts = replace(_facts(config, parts.world, failure), stages=clock.stages())
+    facts = replace(_facts(config, parts.place, failure), stages=clock.stages())
     if not parts.replay:
         facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
     metrics = _finish(parts, facts, folder)
@@ -115,12 +115,12 @@ def run(
 
 
 def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
-    """Builds the world and makes every part. Raises InputError."""
-    world = make_world(config)
-    keeper = TruthKeeper(world.truth)
-    steps, duration, replay = _front_end(config, world, keeper, truth_filter)
+    """Builds the place and makes every part. Raises InputError."""
+    place = make_place(config)
+    keeper = TruthKeeper(UNKNOWN if place.truth is None else place.truth)
+    steps, duration, replay = _front_end(config, place, keeper, truth_filter)
     return _Parts(
-        world=world,
+        place=place,
         steps=steps,
         replay=replay,
         duration=duration,
@@ -132,7 +132,7 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
 
 
 def _front_end(
-    config: RunConfig, world: World, keeper: TruthKeeper, truth_filter: TruthFilter | None
+    config: RunConfig, place: Place, keeper: TruthKeeper, truth_filter: TruthFilter | None
 ) -> tuple[Iterable[Step], float, bool]:
     """The steps of a run, about how long they go on [s], and whether they are replayed."""
     path = artefact_path(config)
@@ -140,7 +140,7 @@ def _front_end(
         replay = Replay(path)
         return replay, replay.duration, True
     odometry = make_odometry(config.odometry)
-    source = make_source(config, world)
+    source = place.source()
     steps = live_steps(source, FrontEnd(odometry), keeper, truth_filter)
     return (steps if path is None else recorded(steps, path)), source.duration, False
 
@@ -160,10 +160,11 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
             parts.backend.accept(proposals)
             clock.add("graph", graph_s + time.perf_counter() - started)
         if step.scan is not None:
-            T_map_base, T_world_base = parts.backend.latest(), step.truth.T_world_base
-            parts.sink.frame(step.frame, step.scan, T_map_base, T_world_base)
+            known = bool(np.isfinite(step.truth.T_world_base).all())
+            T_world_base = step.truth.T_world_base if known else None
+            parts.sink.frame(step.frame, step.scan, parts.backend.latest(), T_world_base)
         if progress is not None:
-            progress(step.frame.stamp, parts.duration)
+            progress(step.frame.stamp - parts.keeper.start, parts.duration)
 
 
 def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
@@ -194,29 +195,36 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
         view=backend.dense_view(),
         proposals=proposals,
     )
-    mesh = parts.world.mesh
-    scores = score_run(record, SurfaceDistance(mesh.vertices, mesh.triangles, mesh.face))
-    metrics = assemble(replace(facts, simulated_s=float(backend.stamps()[-1])), scores)
+    scores = score_run(record, _surface(parts.place))
+    simulated_s = float(backend.stamps()[-1]) - parts.keeper.start
+    metrics = assemble(replace(facts, simulated_s=simulated_s), scores)
     write_tum(record.estimate, folder / "trajectory.tum")
     write_tum(record.odometry, folder / "odometry.tum")
-    write_tum(scores.truth_trajectory, folder / "truth.tum")
+    if len(scores.truth_trajectory):
+        write_tum(scores.truth_trajectory, folder / "truth.tum")
     write_ply(scores.cloud.points, scores.cloud.plane_id, folder / "map.ply")
-    labels = graph_truth(scores, parts.world.truth, record)
+    labels = graph_truth(scores, parts.keeper.truth, record)
     write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
     plan_png(record, scores, folder / "plan.png")
     write_metrics(metrics, folder / "metrics.json")
     return metrics
 
 
-def _facts(config: RunConfig, world: World, failure: BaseException | None) -> RunFacts:
+def _surface(place: Place) -> SurfaceDistance | None:
+    if place.mesh is None:
+        return None
+    return SurfaceDistance(place.mesh.vertices, place.mesh.triangles, place.mesh.face)
+
+
+def _facts(config: RunConfig, place: Place, failure: BaseException | None) -> RunFacts:
     return RunFacts(
         status=_status(failure),
         error=str(failure) if isinstance(failure, RunError) else None,
         scene=config.scene,
-        scene_sha256=scene_sha256(config.scene),
+        scene_sha256=place.sha256,
         seed=config.seed,
-        sensor=config.sensor,
-        conditions=config.conditions or world.plan.conditions,
+        sensor=config.sensor if place.simulated else None,
+        conditions=place.conditions,
         detector=config.detector,
         layers=config.layers,
         factors=config.factors,

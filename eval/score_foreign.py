@@ -19,7 +19,7 @@ from eval.source import make_world
 from eval.trajectory import Trajectory, TrajectoryScore, rms, score_trajectory
 from eval.votes import RoomVote, inner_point
 from slam.core import Array, RoomProposal, inverse, transform_points
-from worlds.catalogue import file_sha256, scene_path
+from worlds.catalogue import scene_sha256
 from worlds.truth import Truth
 from worlds.world import World
 
@@ -66,7 +66,7 @@ def _nothing(config: RunConfig) -> Metrics:
     values |= {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
     values |= {"room_latency_s": Latency(), "stages": Stages(), "versions": {}}
     values |= {"schema": SCHEMA, "status": "complete", "scene": config.scene, "seed": config.seed}
-    values |= {"scene_sha256": file_sha256(scene_path(config.scene)), "sensor": config.sensor}
+    values |= {"scene_sha256": scene_sha256(config.scene), "sensor": config.sensor}
     values |= {"conditions": config.conditions}
     values |= dict.fromkeys(("detector", "layers", "factors", "odometry"), BY)
     return Metrics(**values)  # type: ignore[arg-type]

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import shapely
+from shapely.geometry import Polygon
 
-from slam.core import Array
-from worlds.convex import ConvexPart, convex_parts
-from worlds.drafting import as_multipolygon
-from worlds.model import BOX_TRIANGLES, SLAB, Slab
+from worlds.fittings import BOX_TRIANGLES
+from worlds.model import SLAB, Slab
 from worlds.plan import Plan, Ramp
-from worlds.solids import Solid, prism
+from worlds.solids import Solid
 from worlds.truth import FLOOR, NO_FACE
 
 INTO_WALLS = 0.05
@@ -45,32 +43,14 @@ def _wedge(plan: Plan, ramp: Ramp, name: str) -> Solid:
     return Solid(name, vertices, BOX_TRIANGLES, np.full(12, NO_FACE, dtype=np.int32))
 
 
-def with_openings(plan: Plan, index: int, plate: Slab, ramps: Sequence[Ramp]) -> list[Solid] | None:
-    """A floor or ceiling of storey ``index`` as solids, open where ramps pass; None: it is whole.
-
-    Such a floor reaches down to the ceiling below it: nobody looks into what is between them.
-    """
+def ramp_holes(index: int, plate: Slab, ramps: Sequence[Ramp]) -> list[Polygon]:
+    """Where ramps pass through a floor or ceiling of storey ``index``."""
     is_floor = plate.label == FLOOR
-    holes = [ramp.outline for ramp in ramps if ramp.storey + is_floor == index]
-    if not holes:
-        return None
-    if is_floor:
-        below = plan.storeys[index - 1].z_ceiling + SLAB
-        low = np.append(plate.low[:2], min(plate.low[2], below))
-        plate = replace(plate, low=low)
-    whole = shapely.box(*plate.low[:2], *plate.high[:2])
-    convex = convex_parts(as_multipolygon(whole.difference(shapely.union_all(holes))))
-    return [
-        _part_of(f"{plate.name}_{k}", plate, convex.points, part)
-        for k, part in enumerate(convex.parts)
-    ]
+    return [ramp.outline for ramp in ramps if ramp.storey + is_floor == index]
 
 
-def _part_of(name: str, plate: Slab, points: Array, part: ConvexPart) -> Solid:
-    ring, count = list(part.ring), len(part.ring)
-    caps = np.array([[ring.index(corner) for corner in triangle] for triangle in part.triangles])
-    low, high = (
-        np.column_stack([points[ring], np.full(count, level[2])])
-        for level in (plate.low, plate.high)
-    )
-    return prism(name, low, high, np.full(count, NO_FACE), caps, plate.label)
+def down_to_ceiling(plan: Plan, index: int, plate: Slab) -> Slab:
+    """The floor of storey ``index``, reaching down to the ceiling below it: nobody looks into what
+    is between them."""
+    below = plan.storeys[index - 1].z_ceiling + SLAB
+    return replace(plate, low=np.append(plate.low[:2], min(plate.low[2], below)))

@@ -53,6 +53,12 @@ class OpenBoundary:
         """[m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
+    @property
+    def across(self) -> Array:
+        """(2,) a unit vector through it, to either side."""
+        run = (self.ends[1] - self.ends[0]) / self.length
+        return np.array([-run[1], run[0]])
+
 
 def clear_rooms(rooms: Sequence[RoomOutline], outline: Outline) -> list[ClearRoom]:
     """The rooms that have free space: the largest part of each outline that no wall covers."""

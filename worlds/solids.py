@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -19,10 +19,12 @@ from worlds.layout import Layout
 from worlds.outline import TOUCH
 from worlds.plan import Opening
 from worlds.sidemap import SideMap
-from worlds.truth import NO_FACE
+from worlds.truth import GLASS, NO_FACE
 
 OVERLAP = 0.02
 """Walls reach this far into the floor and the ceiling slab, so that no ray slips between [m]."""
+PANE = 0.02
+"""Thickness of a pane of glass [m]."""
 THINNEST = 1e-4
 """Solids thinner than this cannot be built; what is left of them no sensor would notice [m]."""
 
@@ -138,7 +140,7 @@ def prism(
 
 
 def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) -> list[Solid]:
-    """All walls of a storey: full-height parts, and what is below and above each opening."""
+    """All walls of a storey: full-height parts, what is below and above each opening, panes."""
     mould = Mould(layout, built, labels)
     whole = (-OVERLAP, layout.height + OVERLAP)
     solids = list(_cast_all(mould, layout.cut, whole, f"{prefix}wall"))
@@ -149,7 +151,29 @@ def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) ->
         if opening.z_max < layout.height - TOUCH:
             span = (opening.z_max, layout.height + OVERLAP)
             solids += _cast_all(mould, space, span, f"{prefix}lintel{k}")
+        if opening.glass:
+            panes = _cast_all(mould, *_pane(layout, space, opening), f"{prefix}pane{k}")
+            solids += [replace(p, face=np.full_like(p.face, GLASS)) for p in panes]
     return [solid for solid in solids if _thickness(solid) > THINNEST]
+
+
+def _pane(
+    layout: Layout, space: MultiPolygon, opening: Opening
+) -> tuple[MultiPolygon, tuple[float, float]]:
+    """The plan of an opening's pane, in the middle of the wall, and its heights above the floor."""
+    outline = layout.outline
+    if space.is_empty:
+        return space, (0.0, 0.0)
+    sides = outline.tree.query(opening.footprint, predicate="intersects")
+    common = shapely.length(shapely.intersection(outline.tree.geometries[sides], opening.footprint))
+    along = outline.direction[sides[int(np.argmax(common))]]
+    middle = np.asarray(space.centroid.coords[0])
+    reach = 2.0 * shapely.length(space)
+    line = shapely.linestrings([middle - reach * along, middle + reach * along])
+    strip = shapely.buffer(line, PANE / 2.0, cap_style="flat")
+    low = opening.z_min if opening.z_min >= THRESHOLD else -OVERLAP
+    high = opening.z_max if opening.z_max < layout.height - TOUCH else layout.height + OVERLAP
+    return as_multipolygon(space.intersection(strip)), (low, high)
 
 
 def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:

@@ -18,12 +18,30 @@ from worlds.plan import UNLABELLED
 NO_FACE = -1  # jambs, sills, outer walls, faces too short to be scored
 FLOOR = -2
 CEILING = -3
-CLUTTER = -4  # pillars, furniture, people
+CLUTTER = -4  # pillars; building material, ladders, scaffolds
+FURNITURE = -5
+PEOPLE = -6
+GLASS = -7  # panes in windows, partitions and doors
+LEAF = -8  # door leaves
+LABELS = {
+    "none": NO_FACE,
+    "floor": FLOOR,
+    "ceiling": CEILING,
+    "clutter": CLUTTER,
+    "furniture": FURNITURE,
+    "people": PEOPLE,
+    "glass": GLASS,
+    "leaf": LEAF,
+}
+"""By the names that files use."""
 
 
 @dataclass(frozen=True)
 class Face:
     """All coplanar, same-facing parts of one room's boundary.
+
+    Facets of a curve that are shorter than what is scored are taken together: such a face is a
+    chord, and its plane the best one through them.
 
     id: its place in ``Truth.faces`` and the label of the returns from it; segment: (2, 2) its two
     ends in plan view, at mid height, left end first when seen from the room; parts: (P, 2, 2) the

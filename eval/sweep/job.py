@@ -16,7 +16,7 @@ from eval.files import check
 from eval.folder import config_of, config_values
 from eval.metrics import SCHEMA, Metrics
 from eval.outputs import metrics_of, metrics_values
-from worlds.catalogue import file_sha256, scene_path
+from worlds.catalogue import scene_sha256
 
 PACKAGES = ("numpy", "scipy", "shapely", "mujoco", "open3d", "kiss-icp", "gtsam", "torch")
 NOT_OF_THE_RESULT = ("out", "save", "cache")
@@ -58,7 +58,7 @@ class Job:
         values = config_values(self.config)
         for name in (*NOT_OF_THE_RESULT, "scene"):
             del values[name]
-        parts = [fingerprint(), file_sha256(scene_path(self.config.scene))]
+        parts = [fingerprint(), scene_sha256(self.config.scene)]
         plugins = (self.config.detector, self.config.odometry)
         parts += [code_hash(name.partition(":")[0]) for name in plugins if ":" in name]
         text = "\n".join([*parts, json.dumps(values, sort_keys=True)])

@@ -271,6 +271,35 @@ def test_a_scene_is_drawn_where_it_says(
     assert list(tmp_path.iterdir()) == [picture]
 
 
+def test_scenes_draws_any_conditions_with_the_route(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "site.png"
+    command = ["scenes", "--show", "SE1", "--conditions", "real-site", "--route"]
+    assert main([*command, "--out", str(path)]) == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out.strip() == str(path)
+
+
+def test_scenes_draws_all_on_one_sheet(tmp_path: Path) -> None:
+    assert main(["scenes", "--sheet", str(tmp_path / "sheet.png")]) == 0
+    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_scenes_writes_the_truth_that_a_run_is_scored_against(tmp_path: Path) -> None:
+    from eval.source import make_world
+    from worlds.truthfile import read_truth
+
+    path = tmp_path / "truth.json"
+    command = ["scenes", "--truth", "SE1", "--seed", "3", "--conditions", "unfinished"]
+    assert main([*command, "--out", str(path)]) == 0
+    world = make_world(RunConfig("SE1", seed=3, conditions="unfinished"))
+    assert [f.d for f in read_truth(path).truth.faces] == [f.d for f in world.truth.faces]
+
+
+def test_scenes_does_one_thing_at_a_time(capsys: Capture) -> None:
+    assert main(["scenes", "--show", "SE1", "--truth", "SE1"]) == 2
+    assert "--show and --truth" in capsys.readouterr().err
+
+
 # --- in a process of its own ----------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from sim.base import Base, BaseConfig
 from sim.drive import Drive
 from sim.follower import Follower
 from sim.route import Route, plan_route
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import InputError, RunError, inverse
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
