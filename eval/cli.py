@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from eval.commands.bench import bench
+from eval.commands.calibrate import calibrate
 from eval.commands.record import record
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
@@ -25,6 +26,7 @@ app = typer.Typer(
 Scene = Annotated[str, typer.Argument(help="A name of the catalogue, a plan file, or a recording.")]
 Option = typer.Option
 app.command()(record)
+app.command()(calibrate)
 app.add_typer(bench, name="bench")
 
 
