@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.bench import app as bench
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -19,6 +20,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench, name="bench")
 
 Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
 Option = typer.Option
