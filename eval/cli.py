@@ -96,6 +96,9 @@ def run(
     ] = RunConfig.factors,
     loops: Annotated[str, Option(help=f"Loop closure: {_names(LOOPS)}.")] = RunConfig.loops,
     save: Annotated[bool, Option("--save", help="Write recording.rrd too.")] = False,
+    cache: Annotated[
+        Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
+    ] = None,
 ) -> None:
     """Drive through a scene, map it, and score the map."""
     config = RunConfig(
@@ -114,6 +117,7 @@ def run(
         factors=factors,
         loops=loops,
         save=save,
+        cache=cache,
     )
     from rich.console import Console
 

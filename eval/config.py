@@ -28,7 +28,8 @@ class RunConfig:
     base [m/s] (None: the base's own); storey: counted from 0 (None: the lowest that can be driven);
     start: the room it starts in, by name; sensor, conditions: names of presets; detector, odometry:
     a name or ``package.module:Class``; layers: what enters the graph; factors: how rooms and walls
-    constrain it; loops: loop closure; save: write recording.rrd.
+    constrain it; loops: loop closure; save: write recording.rrd; cache: a folder of recorded front
+    ends (``eval.artefact``), which variants of detector and back end replay.
     """
 
     scene: str
@@ -46,6 +47,7 @@ class RunConfig:
     factors: str = "paper"
     loops: str = "on"
     save: bool = False
+    cache: Path | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)

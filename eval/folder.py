@@ -28,7 +28,9 @@ RUN_FILES = (
 def config_text(config: RunConfig) -> str:
     """The contents of config.json: the schema and the fields of ``RunConfig``."""
     values = {"schema": SCHEMA} | asdict(config)
-    values["out"] = None if config.out is None else str(config.out)
+    for name in ("out", "cache"):
+        path = values[name]
+        values[name] = None if path is None else str(path)
     return json.dumps(values, indent=2) + "\n"
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.seen import SCORING, RoomVisits, SeenFaces, SeenRule
+from eval.seen import SCORING, RoomVisits, SeenFaces, SeenRule, SeenStep
 from eval.trajectory import Trajectory
 from eval.votes import Labels, RoomVote, Voter, WallVote
 from sim.truth import ScanTruth
@@ -22,6 +22,33 @@ class Instant:
     stamp: float
     latency_s: float
     rooms: tuple[RoomVote, ...]
+
+
+@dataclass(frozen=True)
+class KeptReturns:
+    """The truth of those returns of a keyframe that will ever be asked for.
+
+    rows: (N,) their places in the scan, ascending; faces: (N,) labels; along: (N,) [m] along their
+    faces, NaN off them; points: (N, 3) as measured, at true poses, world frame.
+    """
+
+    rows: IntArray
+    faces: Labels
+    along: NDArray[np.float32]
+    points: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class TruthStep:
+    """All that the scoring keeps of one scan's truth. stamp, start: the sweep's end and start [s];
+    kept: None unless the scan is a keyframe."""
+
+    index: int
+    stamp: float
+    start: float
+    T_world_base: Array
+    seen: SeenStep
+    kept: KeptReturns | None
 
 
 class _Column:
@@ -56,7 +83,7 @@ class LabelStore:
         self._along = _Column(np.float32)
         self._points = _Column(np.float32, 3)
 
-    def add(self, ids: IntArray, faces: Labels, along: Array, points: NDArray[np.float32]) -> None:
+    def add(self, ids: IntArray, faces: Labels, along: NDArray, points: NDArray) -> None:
         """Keep returns: ids (N,), labels (N,), places along their faces (N,), points (N, 3)."""
         if len(ids) and len(self._ids.rows) and ids[0] <= self._ids.rows[-1]:
             raise InputError(f"labels: scan of point id {ids[0]} was added twice or out of order")
@@ -91,8 +118,8 @@ class LabelStore:
 class TruthKeeper:
     """Collects the truth of every scan, and what it says of every detector update.
 
-    Call ``add_scan`` for every scan in order, then ``snapshot`` at each detector update. Memory: a
-    pose per scan, 5 cm bins of the faces, and 24 bytes per kept keyframe return.
+    Call ``add_scan`` (or ``digest`` and ``add``) for every scan in order, then ``snapshot`` at each
+    detector update. Memory: a pose per scan, 5 cm bins of the faces, and 24 bytes per kept return.
     """
 
     def __init__(self, truth: Truth, rule: SeenRule = SCORING) -> None:
@@ -120,20 +147,44 @@ class TruthKeeper:
         point_index: the only returns of a keyframe that will ever be asked for (those of its plane
         observations); without it all are kept.
         """
-        if not self._stamps:
-            self.start = scan.stamp + float(np.min(scan.times, initial=0.0))
-        if keyframe:
-            self.keyframe_scans.append(len(self._stamps))
-        self._stamps.append(scan.stamp)
-        self._poses.append(np.array(truth.T_world_base))
-        self.visits.add(scan.stamp, truth.T_world_base[:3, 3])
-        ranges = np.sqrt(np.einsum("ni,ni->n", scan.points, scan.points))
-        self.seen.add(truth.face, truth.points_world, ranges, scan.stamp)
+        self.add(self.digest(scan, truth, keyframe, point_index))
+
+    def digest(
+        self,
+        scan: Scan,
+        truth: ScanTruth,
+        keyframe: bool,
+        point_index: IntArray | None = None,
+    ) -> TruthStep:
+        """What ``add`` needs of the next scan; changes nothing."""
+        kept = None
         if keyframe:
             rows = np.arange(len(scan)) if point_index is None else np.unique(point_index)
             faces, points = truth.face[rows], truth.points_world[rows]
-            along = self.seen.along(faces, points)
-            self._store.add(point_ids(scan.index, rows), faces, along, points)
+            along = self.seen.along(faces, points).astype(np.float32)
+            kept = KeptReturns(rows, faces, along, points)
+        ranges = np.sqrt(np.einsum("ni,ni->n", scan.points, scan.points))
+        return TruthStep(
+            index=scan.index,
+            stamp=scan.stamp,
+            start=scan.stamp + float(np.min(scan.times, initial=0.0)),
+            T_world_base=np.array(truth.T_world_base),
+            seen=self.seen.digest(truth.face, truth.points_world, ranges),
+            kept=kept,
+        )
+
+    def add(self, step: TruthStep) -> None:
+        """Take in a scan's truth, digested after all earlier scans were taken in."""
+        if not self._stamps:
+            self.start = step.start
+        if step.kept is not None:
+            self.keyframe_scans.append(len(self._stamps))
+            ids = point_ids(step.index, step.kept.rows)
+            self._store.add(ids, step.kept.faces, step.kept.along, step.kept.points)
+        self._stamps.append(step.stamp)
+        self._poses.append(step.T_world_base)
+        self.visits.add(step.stamp, step.T_world_base[:3, 3])
+        self.seen.apply(step.seen, step.stamp)
 
     def snapshot(self, stamp: float, latency_s: float, view: MapView, proposals: Proposals) -> None:
         """Store what the truth, as seen up to now, says of a detector's rooms."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import numpy as np
-
+from eval.artefact import Replay, artefact_path, recorded
 from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
@@ -24,23 +23,17 @@ from eval.scenegraph import scene_graph
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
 from eval.sinks import Sink, make_sink
+from eval.source import make_source, make_world
+from eval.steps import Step, TruthFilter, live_steps
 from eval.trajectory import Trajectory
-from sim.drive import Drive
-from sim.route import Route, plan_route
-from sim.sensor import sensor_named
-from sim.truth import ScanTruth
 from slam.backend import BackEnd, BackEndConfig
-from slam.core import Detector, Frame, Proposals, RunError, Scan
+from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
-from worlds.catalogue import file_sha256, load_scene, scene_path
-from worlds.conditions import conditions_named
-from worlds.world import World, build_world
+from worlds.catalogue import file_sha256, scene_path
+from worlds.world import World
 
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
-
-SPEED = 0.6
-"""Of the base where nothing else is asked for [m/s]."""
 
 PACKAGES = ("roomloop", "mujoco", "kiss-icp", "open3d", "torch", "gtsam", "numpy")
 
@@ -77,9 +70,9 @@ class _Parts:
     """Everything that one run is wired from."""
 
     world: World
-    route: Route
-    drive: Drive
-    frontend: FrontEnd
+    steps: Iterable[Step]
+    replay: bool
+    duration: float
     backend: BackEnd
     detector: Detector
     keeper: TruthKeeper
@@ -89,7 +82,7 @@ class _Parts:
 def run(
     config: RunConfig,
     progress: Progress | None = None,
-    truth_filter: Callable[[ScanTruth], ScanTruth] | None = None,
+    truth_filter: TruthFilter | None = None,
 ) -> RunResult:
     """Runs a configuration and writes its folder.
 
@@ -99,7 +92,7 @@ def run(
     """
     check_folder(config.folder)
     started = time.perf_counter()
-    parts = _wire(config)
+    parts = _wire(config, truth_filter)
     folder = claim_folder(config)
     clock = _Clock()
     startup_s = time.perf_counter() - started
@@ -107,41 +100,30 @@ def run(
     failure: RunError | KeyboardInterrupt | None = None
     parts.sink.started(config, parts.world.truth)
     try:
-        _loop(parts, clock, progress, truth_filter or _as_it_is)
+        _loop(parts, clock, progress)
     except (RunError, KeyboardInterrupt) as stopped:
         failure = stopped
     wall_s = time.perf_counter() - started
     parts.sink.finished()
-    facts = replace(
-        _facts(config, failure), startup_s=startup_s, wall_s=wall_s, stages=clock.stages()
-    )
+    facts = replace(_facts(config, failure), stages=clock.stages())
+    if not parts.replay:
+        facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
     metrics = _finish(parts, facts, folder)
     if failure is not None:
         raise failure
     return RunResult(metrics, folder)
 
 
-def _as_it_is(truth: ScanTruth) -> ScanTruth:
-    return truth
-
-
-def _wire(config: RunConfig) -> _Parts:
-    """Builds the world, plans the route and makes every part. Raises InputError."""
-    plan = load_scene(config.scene)
-    sensor = sensor_named(config.sensor)
-    conditions = conditions_named(config.conditions)
-    odometry = make_odometry(config.odometry)
-    world_seed, drive_seed = np.random.SeedSequence(config.seed).spawn(2)
-    storey = config.storey or 0
-    world = build_world(plan, world_seed, conditions, storey)
-    route = plan_route(world, storey, config.start)
+def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
+    """Builds the world and makes every part. Raises InputError."""
+    world = make_world(config)
     keeper = TruthKeeper(world.truth)
-    speed = SPEED if config.speed is None else config.speed
+    steps, duration, replay = _front_end(config, world, keeper, truth_filter)
     return _Parts(
         world=world,
-        route=route,
-        drive=Drive(world, sensor, route, speed, drive_seed, config.duration),
-        frontend=FrontEnd(odometry),
+        steps=steps,
+        replay=replay,
+        duration=duration,
         backend=BackEnd(BackEndConfig(layers=config.layers)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
@@ -149,35 +131,39 @@ def _wire(config: RunConfig) -> _Parts:
     )
 
 
-def _loop(
-    parts: _Parts,
-    clock: _Clock,
-    progress: Progress | None,
-    truth_filter: Callable[[ScanTruth], ScanTruth],
-) -> None:
+def _front_end(
+    config: RunConfig, world: World, keeper: TruthKeeper, truth_filter: TruthFilter | None
+) -> tuple[Iterable[Step], float, bool]:
+    """The steps of a run, about how long they go on [s], and whether they are replayed."""
+    path = artefact_path(config)
+    if path is not None and path.exists():
+        replay = Replay(path)
+        return replay, replay.duration, True
+    odometry = make_odometry(config.odometry)
+    source = make_source(config, world)
+    steps = live_steps(source, FrontEnd(odometry), keeper, truth_filter)
+    return (steps if path is None else recorded(steps, path)), source.duration, False
+
+
+def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
     """One scan after the other on its way through the house."""
-    scans = iter(parts.drive)
-    while True:
-        with clock.measure("lidar"):
-            pair = next(scans, None)
-        if pair is None:
-            return
-        scan, truth = pair[0], truth_filter(pair[1])
-        frame = parts.frontend.process(scan)
-        for stage, seconds in parts.frontend.seconds.items():
+    for step in parts.steps:
+        for stage, seconds in step.seconds.items():
             clock.add(stage, seconds)
         started = time.perf_counter()
-        changed = parts.backend.add(frame)
+        changed = parts.backend.add(step.frame)
         graph_s = time.perf_counter() - started
-        _keep_truth(parts.keeper, scan, truth, frame)
+        parts.keeper.add(step.truth)
         if changed:
-            proposals = _detect(parts, scan.stamp, clock)
+            proposals = _detect(parts, step.frame.stamp, clock)
             started = time.perf_counter()
             parts.backend.accept(proposals)
             clock.add("graph", graph_s + time.perf_counter() - started)
-        parts.sink.frame(frame, scan, parts.backend.latest(), truth.T_world_base)
+        if step.scan is not None:
+            T_map_base, T_world_base = parts.backend.latest(), step.truth.T_world_base
+            parts.sink.frame(step.frame, step.scan, T_map_base, T_world_base)
         if progress is not None:
-            progress(scan.stamp, parts.drive.duration)
+            progress(step.frame.stamp, parts.duration)
 
 
 def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
@@ -190,13 +176,6 @@ def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
     parts.keeper.snapshot(stamp, latency, view, proposals)
     parts.sink.updated(view, proposals)
     return proposals
-
-
-def _keep_truth(keeper: TruthKeeper, scan: Scan, truth: ScanTruth, frame: Frame) -> None:
-    """Of a keyframe, the truth of those returns that planes were built from."""
-    planes = () if frame.keyframe is None else frame.keyframe.planes
-    used = np.concatenate([np.empty(0, np.int64), *(plane.point_index for plane in planes)])
-    keeper.add_scan(scan, truth, frame.keyframe is not None, used)
 
 
 # --- afterwards ----------------------------------------------------------------------------------

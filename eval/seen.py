@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from slam.core import Array
+from slam.core import Array, IntArray
 from worlds.truth import Truth
 
 
@@ -34,6 +34,16 @@ class SeenRule:
 
 
 SCORING = SeenRule()
+
+
+@dataclass(frozen=True)
+class SeenStep:
+    """What one scan adds: faces (U,) with returns, how many on each (U,), and the bins (B,) that
+    have returns for the first time."""
+
+    faces: IntArray
+    returns: IntArray
+    bins: IntArray
 
 
 class SeenFaces:
@@ -81,22 +91,42 @@ class SeenFaces:
         stamp: float,
     ) -> None:
         """Take in one scan's returns: labels (N,), points (N, 3) world, ranges (N,) [m]."""
-        near = np.flatnonzero((face >= 0) & (ranges <= self.rule.max_range_m))
-        f = face[near]
-        self.add_along(f, self._along(f, points[near, 0], points[near, 1]), stamp)
+        self.apply(self.digest(face, points, ranges), stamp)
 
     def add_along(self, face: NDArray[np.int32], along: Array, stamp: float) -> None:
         """Take in returns from near enough, by their faces (N,) and places along them (N,)."""
-        self.returns += np.bincount(face, minlength=len(self.bins))
+        self.apply(self._digest(face, along), stamp)
+
+    def digest(
+        self,
+        face: NDArray[np.int32],
+        points: NDArray[np.floating],
+        ranges: NDArray[np.floating],
+    ) -> SeenStep:
+        """What one scan's returns add to what has been seen up to now; changes nothing."""
+        near = np.flatnonzero((face >= 0) & (ranges <= self.rule.max_range_m))
+        f = face[near]
+        return self._digest(f, self._along(f, points[near, 0], points[near, 1]))
+
+    def _digest(self, face: NDArray[np.int32], along: Array) -> SeenStep:
+        count = np.bincount(face, minlength=len(self.bins))
         last = self.bins.take(face) - 1
         places = np.floor(along / self.rule.bin_m + 1e-6).astype(np.int64)
         bins = self.offset.take(face) + np.minimum(np.maximum(places, 0), last)
         fresh = np.unique(bins[np.isinf(self.first.take(bins))])
-        self.first[fresh] = stamp
-        of_face = np.searchsorted(self.offset, fresh, side="right") - 1
-        self.touched += np.bincount(of_face, minlength=len(self.bins))
-        ready = (self.returns >= self.rule.min_returns) & (self.touched >= self.rule.min_bins)
-        self.since[ready & np.isinf(self.since)] = stamp
+        faces = np.flatnonzero(count)
+        return SeenStep(faces, count[faces], fresh)
+
+    def apply(self, step: SeenStep, stamp: float) -> None:
+        """Take in what a scan adds, in the order in which it was worked out."""
+        self.returns[step.faces] += step.returns
+        self.first[step.bins] = stamp
+        of_face = np.searchsorted(self.offset, step.bins, side="right") - 1
+        np.add.at(self.touched, of_face, 1)
+        f = step.faces
+        ready = (self.returns[f] >= self.rule.min_returns) & (self.touched[f] >= self.rule.min_bins)
+        fresh = f[ready & np.isinf(self.since[f])]
+        self.since[fresh] = stamp
 
     @property
     def seen(self) -> NDArray[np.bool_]:

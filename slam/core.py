@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.floating]
 IntArray = NDArray[np.int64]
 
 
@@ -40,9 +41,9 @@ class RunError(RoomloopError):
 # --- rigid motions -------------------------------------------------------------------------------
 
 
-def transform_points(T_a_b: Array, points_b: Array) -> Array:
+def transform_points(T_a_b: Array, points_b: Floats) -> Array:
     """Points (N, 3) in frame b, expressed in frame a."""
-    return points_b @ T_a_b[:3, :3].T + T_a_b[:3, 3]
+    return np.asarray(points_b @ T_a_b[:3, :3].T + T_a_b[:3, 3], dtype=np.float64)
 
 
 def inverse(T_a_b: Array) -> Array:
@@ -252,7 +253,7 @@ class PlaneObservation:
     d: float
     centroid: Array
     covariance: Array
-    points: Array
+    points: Floats
     point_index: IntArray
 
 
@@ -260,12 +261,12 @@ class PlaneObservation:
 class KeyframeScan:
     """What is kept of a keyframe's sweep: its plane observations and its deskewed returns.
 
-    points: (M, 3) base frame at the sweep's end, thinned; origin: (3,) the lidar in that frame
-    (the baselines need free space).
+    points: (M, 3) float32, base frame at the sweep's end, thinned; origin: (3,) the lidar in that
+    frame (the baselines need free space).
     """
 
     planes: tuple[PlaneObservation, ...]
-    points: Array
+    points: Floats
     origin: Array
 
 

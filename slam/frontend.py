@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,7 +64,9 @@ class FrontEnd:
         origin = scan.T_base_lidar[:3, 3]
         planes = extract_planes(points, scan.ring, origin, self._config.extraction)
         self._tracker.learn(planes)
-        return KeyframeScan(planes, points[:: self._config.every], origin)
+        # Single precision is exact to a micrometre, and what is stored replays to the bit.
+        planes = tuple(replace(p, points=p.points.astype(np.float32)) for p in planes)
+        return KeyframeScan(planes, points[:: self._config.every].astype(np.float32), origin)
 
 
 def _check(scan: Scan) -> None:

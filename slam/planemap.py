@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slam.core import (
     Array,
+    Floats,
     IntArray,
     MapPlane,
     PlaneObservation,
@@ -58,7 +59,7 @@ class _Support:
     """What a mapped plane was built from. points are in the frames of their keyframes."""
 
     observed: list[Observed] = field(default_factory=list)
-    points: list[Array] = field(default_factory=list)
+    points: list[Floats] = field(default_factory=list)
     ids: list[IntArray] = field(default_factory=list)
     keyframes: list[IntArray] = field(default_factory=list)
     coarse: list[NDArray[np.bool_]] = field(default_factory=list)
@@ -146,7 +147,7 @@ class PlaneMap:
         self,
         support: _Support,
         keyframe: int,
-        points_base: Array,
+        points_base: Floats,
         ids: IntArray,
         T_map_base: Array,
         normal: Array,

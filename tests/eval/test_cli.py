@@ -119,6 +119,7 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         factors="paper",
         loops="off",
         save=True,
+        cache=tmp_path / "cache",
     )
     flags = [
         part
