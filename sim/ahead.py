@@ -11,7 +11,6 @@ import contextlib
 import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -19,6 +18,8 @@ import traceback
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, BinaryIO
+
+import numpy as np
 
 from sim.truth import ScanTruth
 from slam.core import InputError, RoomloopError, RunError, Scan
@@ -36,11 +37,15 @@ class Ahead:
     """Iterates like the drive that ``make()`` returns, to the bit, but simulated elsewhere.
 
     make: what can be pickled by the name of its module (a ``functools.partial`` of a function, not
-    of a lambda). The process starts at once. It serves one iteration, and goes when that ends, is
-    closed, fails, or when this object or its process goes. Raises what the drive raises.
+    of a lambda); duration: about how long it drives [s]. The process starts at once. It serves one
+    iteration, and goes when that ends, is closed, fails, or when this object or its process goes.
+    Raises what the drive raises.
     """
 
-    def __init__(self, make: Callable[[], Iterable[Pair]], depth: int = DEPTH) -> None:
+    def __init__(
+        self, make: Callable[[], Iterable[Pair]], duration: float = np.inf, depth: int = DEPTH
+    ) -> None:
+        self.duration = duration
         self._reader, process = _start(make, depth)
         self._process = process
         self._stop = weakref.finalize(self, _stop, process, self._reader)
@@ -81,6 +86,7 @@ def _start(make: Callable[[], Iterable[Pair]], depth: int) -> tuple[BinaryIO, su
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         pass_fds=(write,),
+        start_new_session=True,  # Ctrl-C is for who reads; the pipe tells this one
     )
     os.close(write)
     assert process.stdin is not None
@@ -109,7 +115,6 @@ def _stop(process: subprocess.Popen, reader: BinaryIO) -> None:
 
 def serve(pipe: int) -> None:
     """The other process: drives, and writes each pair to the pipe, ``depth`` of them ahead."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who reads; the pipe's end tells us
     make, depth = pickle.load(sys.stdin.buffer)
     waiting: queue.Queue[tuple[str, Any]] = queue.Queue(maxsize=depth)
     writer = threading.Thread(target=_write, args=(pipe, waiting))

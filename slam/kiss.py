@@ -10,6 +10,7 @@ within a sweep by that of the last one: where a turn begins or ends, the sweep s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -24,21 +25,24 @@ class KissConfig:
 
     every: one in so many returns is used, odd, for an even step would leave out beams; voxel_size
     [m]: of the local map, which takes a point from each half of it; source_spacing [m]: between the
-    points that are matched; threshold [m]: sigma of the robust kernel, a third of the reach of a
-    match; max_range, min_range [m]: rooms end earlier; returns from the robot itself; again_angle
-    [rad], again_distance [m]: a sweep that moved otherwise than predicted by more than either is
-    deskewed and matched a second time; wheels: predict by wheel odometry, not by the last motion;
-    threads: for registration.
+    points that are matched, source_points: how many of them at most, which bounds the cost in large
+    halls; threshold [m]: sigma of the robust kernel, a third of the reach of a match; convergence:
+    the step [m, rad] that ends the matching; max_range, min_range [m]: rooms end earlier; returns
+    from the robot itself; again_angle [rad], again_distance [m]: a sweep that moved otherwise than
+    predicted by more than either is deskewed and matched a second time; wheels: predict by wheel
+    odometry, not by the last motion; threads: for registration.
     """
 
     every: int = 3
     voxel_size: float = 0.4
     source_spacing: float = 0.4
+    source_points: int = 400
     threshold: float = 0.1
+    convergence: float = 5e-4
     max_range: float = 30.0
     min_range: float = 0.3
-    again_angle: float = 0.004
-    again_distance: float = 0.015
+    again_angle: float = 0.008
+    again_distance: float = 0.03
     wheels: bool = False
     threads: int = 2
 
@@ -55,7 +59,7 @@ class KissOdometry:
         self._config = config
         self._limits = limits
         self._preprocessor = Preprocessor(config.max_range, config.min_range, True, config.threads)
-        self._registration = Registration(500, 1e-4, config.threads)
+        self._registration = Registration(500, config.convergence, config.threads)
         self._map = VoxelHashMap(config.voxel_size, config.max_range, max_points_per_voxel=20)
         self._voxel_down_sample = voxel_down_sample
         self._pose = np.eye(4)
@@ -110,8 +114,9 @@ class KissOdometry:
         config = self._config
         whole = self._preprocessor.preprocess(points, stamps, step)
         cloud = self._voxel_down_sample(whole, 0.5 * config.voxel_size)
+        source = self._voxel_down_sample(cloud, config.source_spacing)
         pose = self._registration.align_points_to_map(
-            points=self._voxel_down_sample(cloud, config.source_spacing),
+            points=source[:: max(ceil(len(source) / config.source_points), 1)],
             voxel_map=self._map,
             initial_guess=guess,
             max_correspondance_distance=3.0 * config.threshold,
