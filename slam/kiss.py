@@ -33,16 +33,16 @@ class KissConfig:
     odometry, not by the last motion; threads: for registration.
     """
 
-    every: int = 3
+    every: int = 5
     voxel_size: float = 0.4
     source_spacing: float = 0.4
-    source_points: int = 400
+    source_points: int = 300
     threshold: float = 0.1
     convergence: float = 5e-4
     max_range: float = 30.0
     min_range: float = 0.3
-    again_angle: float = 0.008
-    again_distance: float = 0.03
+    again_angle: float = 0.015
+    again_distance: float = 0.05
     wheels: bool = False
     threads: int = 2
 
