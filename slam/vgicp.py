@@ -19,7 +19,7 @@ class VgicpConfig:
     horizon: scans after which an unseen voxel is dropped; threads.
     """
 
-    leaf: float = 0.1
+    leaf: float = 0.3
     voxel: float = 0.5
     max_range: float = 30.0
     min_range: float = 0.3
