@@ -23,17 +23,17 @@ class KissConfig:
     """The indoor preset. Chosen on drives through generated buildings (``roomloop bench odometry``;
     the README has the table), never on the scenes of the catalogue.
 
-    every: one in so many returns is used, odd, for an even step would leave out beams; voxel_size
-    [m]: of the local map, which takes a point from each half of it; source_spacing [m]: between the
-    points that are matched, source_points: how many of them at most, which bounds the cost in large
-    halls; threshold [m]: sigma of the robust kernel, a third of the reach of a match; convergence:
-    the step [m, rad] that ends the matching; max_range, min_range [m]: rooms end earlier; returns
-    from the robot itself; again_angle [rad], again_distance [m]: a sweep that moved otherwise than
+    returns: at most about so many of a sweep are used, spread evenly; voxel_size [m]: of the local
+    map, which takes a point from each half of it; source_spacing [m]: between the points that are
+    matched, source_points: how many of them at most, which bounds the cost in large halls;
+    threshold [m]: sigma of the robust kernel, a third of the reach of a match; convergence: the
+    step [m, rad] that ends the matching; max_range, min_range [m]: rooms end earlier; returns from
+    the robot itself; again_angle [rad], again_distance [m]: a sweep that moved otherwise than
     predicted by more than either is deskewed and matched a second time; wheels: predict by wheel
     odometry, not by the last motion; threads: for registration.
     """
 
-    every: int = 5
+    returns: int = 5000
     voxel_size: float = 0.4
     source_spacing: float = 0.4
     source_points: int = 300
@@ -97,8 +97,9 @@ class KissOdometry:
 
     def _advance(self, scan: Scan, step: Array) -> None:
         """Takes the sweep in: its pose, and its points into the map. step: the predicted motion."""
-        points = np.ascontiguousarray(scan.points[:: self._config.every], dtype=np.float64)
-        stamps = _stamps(scan.times[:: self._config.every])
+        every = (len(scan) // self._config.returns) | 1  # an even step would leave out beams
+        points = np.ascontiguousarray(scan.points[::every], dtype=np.float64)
+        stamps = _stamps(scan.times[::every])
         cloud, pose = self._matched(points, stamps, step, self._pose @ step)
         moved = np.linalg.inv(self._pose) @ pose
         if self._last is not None and self._is_off(step, moved):

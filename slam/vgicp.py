@@ -14,10 +14,10 @@ from slam.odometry import LIMITS, MotionLimits, Stamped, check_motion, deskew
 class VgicpConfig:
     """Scan-to-model voxelised GICP (small_gicp).
 
-    leaf [m]: scans are thinned to it; voxel [m]: of the Gaussian map; reach [m]: largest
-    correspondence; max_range, min_range [m]: of the returns used; every: one in so many returns;
-    horizon: scans after which an unseen voxel is dropped; threads: more than one wait for each
-    other busily, which on a shared machine costs ten times what it saves.
+    leaf [m]: scans are thinned to it; voxel [m]: of the Gaussian map; max_range, min_range [m]: of
+    the returns used; every: one in so many returns; horizon: scans after which an unseen voxel is
+    dropped; threads: more than one wait for each other busily, which on a shared machine costs ten
+    times what it saves.
     """
 
     leaf: float = 0.3

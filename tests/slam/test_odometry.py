@@ -62,6 +62,14 @@ def test_predicting_by_wheels_where_there_are_none_is_refused():
         )
 
 
+def test_a_sweep_of_nothing_near_enough_leaves_the_odometry_where_it_was():
+    odometry = KissOdometry()
+    scan = scan_box(BOX, base_pose(3.0, 2.0, 0.5))
+    odometry.register(scan)
+    far = dataclasses.replace(scan, index=1, stamp=0.2, points=scan.points * 100.0)
+    assert odometry.register(far) == pytest.approx(np.eye(4), abs=0.02)
+
+
 def test_vgicp_follows_a_moving_base():
     odometry, rng = VgicpOdometry(), np.random.default_rng(0)
     for k in range(20):
