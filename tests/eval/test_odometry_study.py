@@ -6,7 +6,8 @@ from typer.testing import CliRunner
 
 from eval.cli import app, main
 from eval.odometry_study import StudyCase, StudyRow, cases, drive, study, summaries
-from slam.core import RunError, inverse
+from eval.pace import pace
+from slam.core import InputError, RunError, inverse
 
 
 class Truthful:
@@ -27,6 +28,13 @@ class Lost(Truthful):
         if scan.stamp > 1.95:
             raise RunError("lost")
         return super().register(scan)
+
+
+class Standing:
+    """Says that the base never moves."""
+
+    def register(self, scan):
+        return np.eye(4)
 
 
 CASE = StudyCase("generated-3", seed=5, duration=4.0)
@@ -69,6 +77,19 @@ def test_the_command_prints_a_table_and_writes_its_rows(tmp_path):
     rows = json.loads(out.read_text())
     assert [r["odometry"] for r in rows] == ["kiss-wheels", "voxel_size=0.5,threads=1"]
     assert rows[0]["case"]["scene"] == "generated-3"
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_the_pace_counts_every_scan_but_the_first(ahead):
+    found = pace(StudyCase("generated-3", duration=1.0), Standing, ahead)
+    assert (found.scans, found.ahead) == (9, ahead)
+    assert found.waiting + found.odometry <= found.wall
+    assert found.factor == pytest.approx(100.0 / found.wall)
+
+
+def test_a_pace_needs_two_sweeps():
+    with pytest.raises(InputError, match="at least two sweeps"):
+        pace(StudyCase("generated-3", duration=0.1), Standing, False)
 
 
 @pytest.mark.parametrize(
