@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,16 +83,15 @@ def _changed_kiss(text: str) -> Factory:
     from eval.names import known, refuse
     from slam.kiss import KissConfig, KissOdometry
 
-    types = {item.name: type(item.default) for item in fields(KissConfig)}
+    defaults = asdict(KissConfig())
     values: dict[str, float | bool] = {}
     for part in text.split(","):
         name, _, value = part.partition("=")
-        known("kiss", name, types)
+        known("kiss", name, defaults)
         try:
-            number = float(value)
-        except ValueError:
+            values[name] = type(defaults[name])(float(value))
+        except (ValueError, OverflowError):
             refuse(f"kiss: {name}: expected a number, got {value!r}")
-        values[name] = types[name](number)
     config = KissConfig(**values)  # type: ignore[arg-type]
     return lambda: KissOdometry(config)
 

@@ -104,6 +104,7 @@ def test_no_process_is_left_whichever_way_it_ends():
     assert gone(process)
 
 
+@pytest.mark.slow
 def test_it_does_not_outlive_a_user_that_is_killed():
     user = f"""
 import sys
