@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from eval.commands.bench import bench
+from eval.commands.bench import app as bench
 from eval.commands.calibrate import calibrate
 from eval.commands.record import record
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
@@ -22,12 +22,12 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench, name="bench")
 
 Scene = Annotated[str, typer.Argument(help="A name of the catalogue, a plan file, or a recording.")]
 Option = typer.Option
 app.command()(record)
 app.command()(calibrate)
-app.add_typer(bench, name="bench")
 
 
 def _names(names: Sequence[str]) -> str:

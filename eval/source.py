@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from eval.recordings import RecordingOptions, is_recording, open_recording
 from eval.recordings.drive import RecordedDrive
 from eval.recordings.labels import LabelsFile
 from eval.steps import Source
+from sim.ahead import Ahead
 from sim.drive import Drive
 from sim.route import plan_route
 from sim.sensorfile import sensor_named
@@ -26,6 +28,9 @@ from worlds.world import Mesh, World, build_world
 
 SPEED = 0.6
 """Of the base where nothing else is asked for [m/s]."""
+
+AHEAD_FROM = 45.0
+"""Drives that last longer [s] are simulated ahead: a process takes some seconds to start."""
 
 UNKNOWN = Truth((), (), (), (), (Floor(0, 0.0, 0.0),))
 """The truth of a place of which nothing is known."""
@@ -51,6 +56,9 @@ def make_place(config: RunConfig) -> Place:
     """The place of a run. Raises InputError."""
     if is_recording(config.scene):
         return _recorded_place(config)
+    for name in ("truth", "topic"):
+        if getattr(config, name) is not None:
+            raise InputError(f"{name}: is for recordings, {config.scene} is simulated")
     world = make_world(config)
     digest = file_sha256(scene_path(config.scene))
     return Place(world.truth, world.mesh, True, digest, lambda: make_source(config, world))
@@ -64,10 +72,20 @@ def make_world(config: RunConfig) -> World:
 
 
 def make_source(config: RunConfig, world: World) -> Source:
-    """The drive of a run. Raises InputError."""
-    for name in ("truth", "topic"):
-        if getattr(config, name) is not None:
-            raise InputError(f"{name}: is for recordings, {config.scene} is simulated")
+    """The drive of a run; a long one is simulated ahead in a process of its own, which first has to
+    start and to build the world again. Raises InputError."""
+    drive = make_drive(config, world)
+    if drive.duration < AHEAD_FROM:
+        return drive
+    return Ahead(partial(_drive_alone, config), drive.duration)
+
+
+def _drive_alone(config: RunConfig) -> Drive:
+    return make_drive(config, make_world(config))
+
+
+def make_drive(config: RunConfig, world: World) -> Drive:
+    """The drive of a run, simulated where it is iterated. Raises InputError."""
     route = plan_route(world, config.storey or 0, config.start)
     speed = SPEED if config.speed is None else config.speed
     _, seed = _seeds(config)

@@ -1,1 +1,1 @@
-"""The commands of the command line that are not in ``eval.cli`` itself, one a module."""
+"""Commands of the command line, a module each; what is heavy is imported inside them."""

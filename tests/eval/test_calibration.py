@@ -81,8 +81,7 @@ def test_the_bench_times_what_it_says() -> None:
 
 
 def test_the_bench_command_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "sensor", "SE1", "--sweeps", "2", "--drive", "0.5"]) == 0
+    assert main(["bench", "sensor", "SE1", "--sweeps", "2"]) == 0
     printed = capsys.readouterr().out
     assert "SE1" in printed
-    assert "times real time" in printed
     assert main(["bench", "sensor", "SE1", "--sweeps", "0"]) == 2
