@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eval.commands.ablate import ablate
-from eval.commands.bench import bench
+from eval.commands.bench import app as bench
+from eval.commands.calibrate import calibrate
 from eval.commands.compare import compare
 from eval.commands.record import record
 from eval.commands.scenes import Unit, Up, scenes
@@ -29,6 +30,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench, name="bench")
 
 Scene = Annotated[
     str,
@@ -38,9 +40,9 @@ Scene = Annotated[
     ),
 ]
 Option = typer.Option
-app.add_typer(bench, name="bench")
 app.command()(scenes)
 app.command()(record)
+app.command()(calibrate)
 
 
 def _names(names: Sequence[str]) -> str:

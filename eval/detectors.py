@@ -66,13 +66,19 @@ def _oracle(keeper: TruthKeeper | None) -> Detector:
 
 
 def _kiss() -> Odometry:
-    from slam.odometry import KissOdometry
+    from slam.kiss import KissOdometry
 
     return KissOdometry()
 
 
+def _kiss_wheels() -> Odometry:
+    from slam.kiss import KissConfig, KissOdometry
+
+    return KissOdometry(KissConfig(wheels=True))
+
+
 def _vgicp() -> Odometry:
-    from slam.odometry import VgicpOdometry
+    from slam.vgicp import VgicpOdometry
 
     return VgicpOdometry()
 
@@ -89,7 +95,11 @@ DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }
-ODOMETRIES: Mapping[str, Callable[[], Odometry]] = {"kiss": _kiss, "vgicp": _vgicp}
+ODOMETRIES: Mapping[str, Callable[[], Odometry]] = {
+    "kiss": _kiss,
+    "kiss-wheels": _kiss_wheels,
+    "vgicp": _vgicp,
+}
 
 
 def make_detector(name: str, keeper: TruthKeeper | None = None) -> Detector:

@@ -252,5 +252,6 @@ def _versions() -> Mapping[str, str]:
 
 
 def _peak_rss_mb() -> float:
-    """Largest memory of the process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    """Largest memory of this process so far and of the simulator's, if it had one [MB]."""
+    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(resource.getrusage(which).ru_maxrss for which in both) / 1024.0

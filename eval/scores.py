@@ -93,7 +93,7 @@ def score_run(record: RunRecord, surface: SurfaceDistance | None) -> Scores:
         ate_keyframes=ate_of_subset(
             T_world_map, final, true_path, np.flatnonzero(keyframes[known]).astype(np.int64)
         ),
-        path_m=true_path.path_m if len(true_path) else None,
+        path_m=true_path.path_m if known.any() or not len(known) else None,
         cloud=cloud,
         planes=planes,
         map=_score_map(record, cloud, surface, T_world_map),

@@ -6,20 +6,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.config import RunConfig
-from eval.source import make_source, make_world
 from sim.base import base_poses
 from sim.caster import THREADS, Hits, RayCaster, Rays
 from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.sensor import Sensor
 from slam.core import pose
-from slam.odometry import KissOdometry
 from worlds.world import World
 
 HEIGHT = 0.5
@@ -86,18 +82,6 @@ def time_sweeps(
         embree_ms=embree,
         embree_cpu_ms=embree_cpu,
     )
-
-
-def odometry_real_time(config: RunConfig) -> float:
-    """How many times faster than the robot its drive, its sensor and KISS-ICP are together."""
-    drive = iter(make_source(config, make_world(config)))
-    odometry = KissOdometry()
-    odometry.register(next(drive)[0])  # what is loaded late is loaded now
-    started, stamps = time.perf_counter(), []
-    for scan, _ in drive:
-        odometry.register(scan)
-        stamps.append(scan.stamp)
-    return sum(b - a for a, b in pairwise(stamps)) / (time.perf_counter() - started)
 
 
 class _Keep:

@@ -7,6 +7,7 @@ import hashlib
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from eval.recordings import RecordingOptions, is_recording, open_recording
 from eval.recordings.drive import RecordedDrive
 from eval.recordings.labels import LabelsFile
 from eval.steps import Source
+from sim.ahead import Ahead
 from sim.drive import Drive
 from sim.route import RouteConfig, named_route, plan_route
 from sim.sensorfile import sensor_named
-from slam.core import InputError
+from slam.core import InputError, thread_limit
 from worlds.catalogue import load_scene, scene_sha256
 from worlds.conditions import conditions_named
 from worlds.plan import NamedRoute, Plan
@@ -29,6 +31,9 @@ from worlds.world import Mesh, World, build_world
 
 SPEED = 0.6
 """Of the base where nothing else is asked for [m/s]."""
+
+AHEAD_FROM = 45.0
+"""Drives that last longer [s] are simulated ahead: a process takes some seconds to start."""
 
 UNKNOWN = Truth((), (), (), (), (Floor(0, 0.0, 0.0),))
 """The truth of a place of which nothing is known."""
@@ -58,6 +63,9 @@ def make_place(config: RunConfig) -> Place:
     """The place of a run. Raises InputError."""
     if is_recording(config.scene):
         return _recorded_place(config)
+    for name in ("truth", "topic"):
+        if getattr(config, name) is not None:
+            raise InputError(f"{name}: is for recordings, {config.scene} is simulated")
     world = make_world(config)
     return Place(
         truth=world.truth,
@@ -86,14 +94,24 @@ def make_world(config: RunConfig) -> World:
 
 
 def make_source(config: RunConfig, world: World) -> Source:
-    """The drive of a run. Raises InputError."""
-    for name in ("truth", "topic"):
-        if getattr(config, name) is not None:
-            raise InputError(f"{name}: is for recordings, {config.scene} is simulated")
+    """The drive of a run; a long one is simulated ahead in a process of its own, where there is a
+    core for it: that first has to start and to build the world again. Raises InputError."""
+    drive = make_drive(config, world)
+    if drive.route.unreachable:
+        _log.warning("%s: no way leads to %s", config.scene, ", ".join(drive.route.unreachable))
+    if drive.duration < AHEAD_FROM or thread_limit(2) < 2:
+        return drive
+    return Ahead(partial(_drive_alone, config), drive.duration)
+
+
+def _drive_alone(config: RunConfig) -> Drive:
+    return make_drive(config, make_world(config))
+
+
+def make_drive(config: RunConfig, world: World) -> Drive:
+    """The drive of a run, simulated where it is iterated. Raises InputError."""
     how = RouteConfig(closed=config.closed)
     route = plan_route(world, config.storey, config.start, how, _part(config, world.plan))
-    if route.unreachable:
-        _log.warning("%s: no way leads to %s", config.scene, ", ".join(route.unreachable))
     speed = SPEED if config.speed is None else config.speed
     _, seed = seeds(config)
     return Drive(world, sensor_named(config.sensor), route, speed, seed, config.duration)

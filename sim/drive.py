@@ -54,7 +54,7 @@ class Drive:
             _check_positive("duration", duration)
         self._world = world
         self._sensor = sensor
-        self._route = route
+        self.route = route
         self._seed = seed
         self._base = replace(base, speed=speed)
         self._threads = threads
@@ -65,8 +65,8 @@ class Drive:
 
     def __iter__(self) -> Iterator[tuple[Scan, ScanTruth]]:
         lidar_rng, base_rng, crowd_rng = _generators(self._seed, 3)
-        follower = Follower(self._route.points, self._base)
-        ground = Ground(self._world, self._route.storey)
+        follower = Follower(self.route.points, self._base)
+        ground = Ground(self._world, self.route.storey)
         base = Base(
             self._world.spec,
             ground.height,
@@ -94,7 +94,7 @@ class Drive:
         return np.inf if self._cut is None else self._cut + 1e-9
 
     def _crowd(self, base: Base, rng: np.random.Generator) -> Crowd:
-        route, config = self._route, self._base
+        route, config = self.route, self._base
         return make_crowd(
             self._world, route.storey, route.points, config.radius, config.speed, base.model, rng
         )

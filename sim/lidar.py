@@ -24,7 +24,7 @@ MIRROR_POWER = 40
 """What a pane mirrors back falls with this power of the cosine: to a half at 10 degrees."""
 PANE_SURFACES = 8
 """Surfaces of glass that a shot passes; one that meets more is lost."""
-PASSED = 1e-4
+PASSED = 1e-3
 """How far behind a pane's surface a shot goes on [m]."""
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.calibration.shots import Mask, Shots
-from sim.calibration.walls import Seen, WallConfig, fit_planes_and_offsets
+from sim.calibration.walls import Seen, WallConfig, fit_planes, fit_planes_and_offsets
 from slam.core import Array, IntArray
 
 
@@ -59,7 +59,12 @@ def calibrate(
     shots: Shots, rng: np.random.Generator, config: BeamConfig = BeamConfig()
 ) -> Calibration:
     """All statistics of a sensor that stood still. Raises InputError when it saw no wall."""
-    planes, offsets, seen = fit_planes_and_offsets(shots, rng, config.walls)
+    return calibrate_at(fit_planes(shots.points, rng, config.walls), shots, config)
+
+
+def calibrate_at(walls: Array, shots: Shots, config: BeamConfig = BeamConfig()) -> Calibration:
+    """The same where walls (P, 4) are known about, from another recording of the place."""
+    planes, offsets, seen = fit_planes_and_offsets(shots, walls, config.walls)
     residual = np.where(seen.clean, seen.residual, np.nan)
     known = seen.clean.sum(axis=0) >= config.least_shots
     residual[:, ~known] = np.nan

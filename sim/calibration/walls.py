@@ -14,10 +14,10 @@ from slam.core import Array, InputError, IntArray
 class WallConfig:
     """tolerance [m]: a return that far from a plane belongs to it; incidence: least cosine of what
     is fitted to; lean: how far a wall's normal may be from level (sine); planes, least_points,
-    trials, reach [m]: of the search; patch [rad], purity: fitted is where that share of what a beam
-    returned over a patch is on one plane, without the things that stand before walls; flatness [m]:
-    median residual, above which it is no wall; least_votes: returns below which a beam has no say
-    about a plane."""
+    trials, sample, reach [m]: of the search; patch [rad], purity: fitted is where that share of
+    what a beam returned over a patch is on one plane, without the things that stand before walls;
+    flatness [m]: median residual, above which it is no wall; least_votes: returns below which a
+    beam has no say about a plane."""
 
     tolerance: float = 0.06
     incidence: float = 0.5
@@ -25,6 +25,7 @@ class WallConfig:
     planes: int = 8
     least_points: int = 800
     trials: int = 400
+    sample: int = 10_000
     reach: float = 0.8
     patch: float = np.radians(2.0)
     purity: float = 0.9
@@ -63,7 +64,7 @@ def fit_planes(points: Array, rng: np.random.Generator, config: WallConfig) -> A
 
 def _best_plane(points: Array, rng: np.random.Generator, config: WallConfig) -> Array:
     """The plane through three near returns that most of a sample agree with."""
-    sample = points[rng.choice(len(points), min(10_000, len(points)), replace=False)]
+    sample = points[rng.choice(len(points), min(config.sample, len(points)), replace=False)]
     best, most = np.array([0.0, 0.0, 1.0, 0.0]), -1
     for corner in sample[rng.integers(len(sample), size=config.trials)]:
         near = sample[np.linalg.norm(sample - corner, axis=1) < config.reach]
@@ -106,11 +107,11 @@ def _frontal(points: Array, plane: Array, config: WallConfig) -> Mask:
 
 
 def fit_planes_and_offsets(
-    shots: Shots, rng: np.random.Generator, config: WallConfig
+    shots: Shots, planes: Array, config: WallConfig
 ) -> tuple[Array, Array, Seen]:
-    """Planes (P, 4), offsets (B,) and the shots against them; planes that are not flat or have too
-    few clean returns are given up. Raises InputError when none is left."""
-    planes = fit_planes(shots.points, rng, config)
+    """Planes (P, 4), offsets (B,) and the shots against them, from planes that are about right;
+    those that are not flat or have too few clean returns are given up. Raises InputError when none
+    is left."""
     while len(planes):
         planes, offsets, seen = fit_offsets(shots, planes, config)
         good = np.array([_is_wall(seen, number, config) for number in range(len(planes))])

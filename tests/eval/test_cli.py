@@ -113,8 +113,12 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         layers="planes",
         factors="paper",
         loops="off",
+        truth="poses.tum",
+        topic="/points",
         save=True,
         cache=tmp_path / "cache",
+        unit="in",
+        up="y",
     )
     flags = [
         part

@@ -10,7 +10,13 @@ import pytest
 from boxworld import single_room
 from scipy.spatial import KDTree
 
-from sim.calibration.beams import BeamConfig, Calibration, calibrate, mixed_pixels
+from sim.calibration.beams import (
+    BeamConfig,
+    Calibration,
+    calibrate,
+    calibrate_at,
+    mixed_pixels,
+)
 from sim.calibration.shots import Shots, shots_of_scans
 from sim.calibration.twin import Twin, simulated_twin
 from sim.calibration.walls import WallConfig, fit_planes
@@ -43,6 +49,7 @@ def room(yaw: float = 0.0) -> Shots:
     return Shots(directions, reach.min(axis=-1), times, bright, np.zeros(BEAMS))
 
 
+QUICK = BeamConfig(WallConfig(sample=2000, trials=200))
 OFFSETS = np.array([12.0, -7.0, 3.0, -20.0, 25.0, -4.0, 0.0, -9.0]) * 1e-3
 
 
@@ -54,8 +61,8 @@ def flawed(shots: Shots, seed: int = 1, noise: float = 0.007) -> Shots:
     return replace(shots, ranges=ranges)
 
 
-def fitted(shots: Shots, seed: int = 0) -> Calibration:
-    return calibrate(shots, np.random.default_rng(seed))
+def fitted(shots: Shots) -> Calibration:
+    return calibrate(shots, np.random.default_rng(0), QUICK)
 
 
 def test_what_was_put_in_comes_out() -> None:
@@ -190,7 +197,7 @@ def test_simulated_scans_get_their_lost_shots_back() -> None:
     assert [int(half.sum()) for half in halves] == returns
     assert sum(returns) < shots.ranges.size
     apart, partner = KDTree(points).query(shots.points)
-    assert apart.max() < 1e-9
+    assert apart.max() < 1e-5
     assert len(set(partner)) == len(points)
     assert np.linalg.norm(shots.directions, axis=-1) == pytest.approx(1.0)
 
@@ -258,12 +265,13 @@ def recorded(name: str) -> Shots:
 def test_the_preset_measures_as_real_units_do(name: str) -> None:
     """Where a unit stood, the preset has its spread, its noise and its lost shots, beam by beam."""
     shots = recorded(name)
-    real = fitted(shots)
+    real = calibrate(shots, np.random.default_rng(0))
     preset = sensor_named("vlp16")
-    ours = fitted(simulated_twin(shots, real.offset, preset, np.random.default_rng(1)))
+    twin = simulated_twin(shots, real.offset, preset, np.random.default_rng(1))
+    ours = calibrate_at(real.planes, twin)
     assert np.degrees(shots.azimuth_step) == pytest.approx(0.2, rel=0.01)
-    solid = np.isfinite(real.spread) & np.isfinite(ours.spread) & (real.points > 2600)
-    assert solid.sum() >= 8
+    solid = np.isfinite(real.spread)
+    assert solid.sum() >= 11
     assert ours.spread[solid] == pytest.approx(real.spread[solid], rel=0.2)
     assert np.median(ours.noise[solid] / real.noise[solid]) == pytest.approx(1.0, abs=0.15)
     assert ours.lost == pytest.approx(real.lost, rel=0.2)
