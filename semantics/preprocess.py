@@ -12,9 +12,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from slam.core import Array, InputError, IntArray, MapPlane, PlanePiece
+
+Pairs = tuple[IntArray, IntArray]
+"""Places of pieces, the first and the second of each pair."""
+LONGEST = 10_000.0
+"""No wall is longer [m]."""
+FEW = 150
+"""Up to so many pieces, looking at all pairs is faster than a tree."""
 
 
 @dataclass(frozen=True)
@@ -82,136 +90,196 @@ class Preprocessor:
 
     def __init__(self, config: PreprocessConfig = PreprocessConfig()):
         self._config = config
-        self._runs: dict[int, tuple[int, Array]] = {}
+        self._known: dict[int, tuple[int, Pieces]] = {}
 
     def __call__(self, planes: Sequence[MapPlane]) -> Pieces:
         """Pieces of all upright planes. Raises InputError for a plane that is no plane."""
         upright = [plane for plane in planes if not plane.horizontal and len(plane.points)]
-        self._runs = {plane.id: (plane.revision, self._run_of(plane)) for plane in upright}
-        pieces = _pieces_of(upright, [self._runs[plane.id][1] for plane in upright])
-        pieces = _without_duplicates(pieces, self._config)
-        return _split(pieces, self._config)
+        changed = [plane for plane in upright if not self._is_known(plane)]
+        fresh = zip(changed, _runs(changed, self._config), strict=True)
+        found = {plane.id: (plane.revision, runs) for plane, runs in fresh}
+        self._known = {p.id: found.get(p.id) or self._known[p.id] for p in upright}
+        pieces = joined([self._known[plane.id][1] for plane in upright])
+        near = near_pairs(pieces, max(self._config.reach, self._config.duplicate_distance))
+        pieces, near = _without_duplicates(pieces, near, self._config)
+        return _split(pieces, near, self._config)
 
-    def _run_of(self, plane: MapPlane) -> Array:
-        known = self._runs.get(plane.id)
-        if known is not None and known[0] == plane.revision:
-            return known[1]
-        return _runs(plane, self._config)
-
-
-def _runs(plane: MapPlane, config: PreprocessConfig) -> Array:
-    """(R, 2) the stretches along the plane's axis where it was seen."""
-    if not (np.isfinite(plane.points).all() and np.isfinite(plane.normal).all()):
-        raise InputError(f"plane {plane.id}: coordinates that are not numbers")
-    along = plane.points[:, :2] @ plane.axis
-    along = np.sort(along)
-    bins = np.floor((along - along[0]) / config.bin).astype(np.int64)
-    kept = along[np.bincount(bins)[bins] >= config.min_count]
-    if len(kept) == 0:
-        return np.zeros((0, 2))
-    breaks = np.flatnonzero(np.diff(kept) > config.gap)
-    runs = np.column_stack([kept[np.append(0, breaks + 1)], kept[np.append(breaks, len(kept) - 1)]])
-    return runs[runs[:, 1] - runs[:, 0] >= config.min_length]
+    def _is_known(self, plane: MapPlane) -> bool:
+        known = self._known.get(plane.id)
+        return known is not None and known[0] == plane.revision
 
 
-def _pieces_of(planes: Sequence[MapPlane], runs: Sequence[Array]) -> Pieces:
-    ids = [plane.id for plane, r in zip(planes, runs, strict=True) for _ in r]
-    segments = [
-        _foot(plane) + np.outer(ends, plane.axis)
-        for plane, r in zip(planes, runs, strict=True)
-        for ends in r
-    ]
-    normals = [
-        plane.normal[:2] / np.linalg.norm(plane.normal[:2])
-        for plane, r in zip(planes, runs, strict=True)
-        for _ in r
-    ]
-    heights = [plane.z_range for plane, r in zip(planes, runs, strict=True) for _ in r]
+def joined(parts: Sequence[Pieces]) -> Pieces:
+    """All pieces in one."""
+    if not parts:
+        return Pieces(
+            np.zeros(0, np.int64), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2))
+        )
     return Pieces(
-        np.array(ids, dtype=np.int64),
-        np.array(segments).reshape(-1, 2, 2),
-        np.array(normals).reshape(-1, 2),
-        np.array(heights).reshape(-1, 2),
+        np.concatenate([part.plane_id for part in parts]),
+        np.concatenate([part.segment for part in parts]),
+        np.concatenate([part.normal for part in parts]),
+        np.concatenate([part.height for part in parts]),
     )
 
 
-def _foot(plane: MapPlane) -> Array:
-    """(2,) the point of the plane's line, at the height of its points, nearest to the origin."""
-    start = plane.segment[0]
-    return start - (start @ plane.axis) * plane.axis
+def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[Pieces]:
+    """For each plane the stretches along it where it was seen; all planes' points at once."""
+    if not planes:
+        return []
+    points = np.concatenate([plane.points for plane in planes])
+    first = np.cumsum([0] + [len(plane.points) for plane in planes[:-1]])
+    owner = np.repeat(np.arange(len(planes)), np.diff(np.append(first, len(points))))
+    normal = np.array([plane.normal for plane in planes])
+    _check(planes, points, normal, owner)
+    steepness = np.hypot(normal[:, 0], normal[:, 1])
+    level = normal[:, :2] / steepness[:, None]
+    axis = np.column_stack([-level[:, 1], level[:, 0]])
+    x, y, z = points.T
+    along = x * axis[owner, 0] + y * axis[owner, 1]
+    low, high = np.minimum.reduceat(z, first), np.maximum.reduceat(z, first)
+    d = np.array([plane.d for plane in planes]) + normal[:, 2] * 0.5 * (low + high)
+    plane, start, end = _occupied(along, owner, first, planes, config)
+    foot = (-d / steepness)[:, None] * level
+    ends = np.stack([start, end], axis=1)[:, :, None] * axis[plane][:, None, :]
+    everything = Pieces(
+        np.array([p.id for p in planes], dtype=np.int64)[plane],
+        foot[plane][:, None, :] + ends,
+        level[plane],
+        np.column_stack([low, high])[plane],
+    )
+    bounds = np.searchsorted(plane, np.arange(len(planes) + 1)).tolist()
+    return [everything.take(np.arange(a, b)) for a, b in pairwise(bounds)]
 
 
-def _without_duplicates(pieces: Pieces, config: PreprocessConfig) -> Pieces:
-    """Drops pieces that lie beside a longer one of the same side; a wall's two faces both stay."""
-    if len(pieces) < 2:
-        return pieces
+def _check(planes: Sequence[MapPlane], points: Array, normal: Array, owner: IntArray) -> None:
+    """InputError that names the first plane whose numbers are none."""
+    broken = ~np.isfinite(normal).all(axis=1)
+    broken |= ~np.isfinite([plane.d for plane in planes])
+    if not np.isfinite(points.sum()):
+        broken[owner[~np.isfinite(points).all(axis=1)]] = True
+    if broken.any():
+        name = planes[int(broken.argmax())].id
+        raise InputError(f"plane {name}: coordinates that are not numbers")
+
+
+def _occupied(
+    along: Array,
+    owner: IntArray,
+    first: IntArray,
+    planes: Sequence[MapPlane],
+    config: PreprocessConfig,
+) -> tuple[IntArray, Array, Array]:
+    """Plane, start and end [m] of each stretch without a hole wider than the gap; bins with few
+    points count as empty, so that no stray point moves an end."""
+    lowest = np.minimum.reduceat(along, first)
+    span = np.maximum.reduceat(along, first) - lowest
+    if span.max() > LONGEST:
+        name = planes[int(span.argmax())].id
+        raise InputError(f"plane {name}: points {span.max():.0f} m apart, expected a wall")
+    width = np.floor(span / config.bin).astype(np.int64) + 1
+    offset = np.cumsum(width) - width
+    place = offset[owner] + ((along - lowest[owner]) / config.bin).astype(np.int64)
+    count = np.bincount(place, minlength=int(width.sum()))
+    low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+    np.minimum.at(low, place, along)
+    np.maximum.at(high, place, along)
+    kept = np.flatnonzero(count >= config.min_count)
+    plane = np.searchsorted(offset, kept, side="right") - 1
+    breaks = (low[kept[1:]] - high[kept[:-1]] > config.gap) | (np.diff(plane) > 0)
+    begins = np.flatnonzero(np.append(True, breaks)) if len(kept) else np.zeros(0, np.int64)
+    ends = np.append(begins[1:] - 1, len(kept) - 1)[: len(begins)]
+    start, end = low[kept[begins]], high[kept[ends]]
+    long = end - start >= config.min_length
+    return plane[begins][long], start[long], end[long]
+
+
+def _without_duplicates(
+    pieces: Pieces, near: Pairs, config: PreprocessConfig
+) -> tuple[Pieces, Pairs]:
+    """Drops pieces that lie beside a longer one of the same side; a wall's two faces both stay.
+    What is left, and the near pairs of it."""
+    i, j = near
+    same = _dot(pieces.normal[i], pieces.normal[j]) > np.cos(config.duplicate_angle)
+    i, j = i[same], j[same]
     length, axis = pieces.length, _axes(pieces)
-    same = pieces.normal @ pieces.normal.T > np.cos(config.duplicate_angle)
-    ends = pieces.segment[None, :, :, :] - pieces.centre[:, None, None, :]  # of j about i
-    off = np.abs(np.einsum("ijkc,ic->ijk", ends, pieces.normal)).max(axis=2)
-    along = np.einsum("ijkc,ic->ijk", ends, axis)
-    half = 0.5 * length[:, None]
-    common = np.minimum(along.max(axis=2), half) - np.maximum(along.min(axis=2), -half)
-    longer = (length[:, None] > length[None, :]) | (
-        (length[:, None] == length[None, :])
-        & (np.arange(len(pieces))[:, None] < np.arange(len(pieces)))
-    )
-    covers = same & longer & (off < config.duplicate_distance)
-    covers &= common > config.duplicate_share * length[None, :]
-    return pieces.take(~covers.any(axis=0))
+    ends = pieces.segment[j] - pieces.centre[i][:, None, :]  # of j about i
+    off = np.abs(np.einsum("pkc,pc->pk", ends, pieces.normal[i])).max(axis=1)
+    along = np.einsum("pkc,pc->pk", ends, axis[i])
+    half = 0.5 * length[i]
+    common = np.minimum(along.max(axis=1), half) - np.maximum(along.min(axis=1), -half)
+    longer = (length[i] > length[j]) | ((length[i] == length[j]) & (i < j))
+    covers = longer & (off < config.duplicate_distance)
+    covers &= common > config.duplicate_share * length[j]
+    kept = np.ones(len(pieces), dtype=bool)
+    kept[j[covers]] = False
+    if kept.all():
+        return pieces, near
+    both = kept[near[0]] & kept[near[1]]
+    place = np.cumsum(kept) - 1
+    return pieces.take(kept), (place[near[0][both]], place[near[1][both]])
 
 
 def _axes(pieces: Pieces) -> Array:
     """(M, 2) unit, from the first to the second end."""
     run = pieces.segment[:, 1] - pieces.segment[:, 0]
-    return run / np.maximum(np.linalg.norm(run, axis=1), 1e-9)[:, None]
+    return run / np.maximum(pieces.length, 1e-9)[:, None]
 
 
-def _split(pieces: Pieces, config: PreprocessConfig) -> Pieces:
+def _dot(a: Array, b: Array) -> Array:
+    """(P,) products of the rows of (P, 2)."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+
+
+def _split(pieces: Pieces, near: Pairs, config: PreprocessConfig) -> Pieces:
     """Cuts each piece where another one of a different direction stands on its front."""
-    if len(pieces) < 2:
-        return pieces
+    i, j = near
     axis, length = _axes(pieces), pieces.length
-    start = pieces.segment[:, 0]
-    i, j = _near_pairs(pieces, config.reach)
-    away = pieces.segment[j] - start[i][:, None, :]
+    sine = np.abs(_dot(axis[j], pieces.normal[i]))
+    steep = sine > np.sin(config.crossing)
+    i, j, sine = i[steep], j[steep], sine[steep]
+    away = pieces.segment[j] - pieces.segment[i, 0][:, None, :]
     height = np.einsum("pkc,pc->pk", away, pieces.normal[i])  # of j's ends above i's line
     along = np.einsum("pkc,pc->pk", away, axis[i])
-    sine = np.abs(np.einsum("pc,pc->p", axis[j], pieces.normal[i]))
     rise = height[:, 1] - height[:, 0]
-    steep = sine > np.sin(config.crossing)
     with np.errstate(divide="ignore", invalid="ignore"):
         at = along[:, 0] - height[:, 0] * (along[:, 1] - along[:, 0]) / rise
     stands = (height.min(axis=1) < config.reach * sine) & (height.max(axis=1) > config.in_front)
-    inside = (at > config.inside) & (at < length[i] - config.inside)
-    cut = steep & stands & inside
-    return _cut(pieces, i[cut], at[cut], config)
+    cut = stands & (at > config.inside) & (at < length[i] - config.inside)
+    return _cut(pieces, i[cut], at[cut], config) if cut.any() else pieces
 
 
-def _near_pairs(pieces: Pieces, reach: float) -> tuple[IntArray, IntArray]:
-    """Ordered pairs whose bounding boxes, grown by ``reach``, touch."""
+def near_pairs(pieces: Pieces, reach: float, of: IntArray | None = None) -> Pairs:
+    """Pairs (i, j), i one ``of`` the pieces, j any other, whose bounding boxes, each grown by
+    ``reach``, touch; sorted. All pieces where ``of`` is None."""
     low = pieces.segment.min(axis=1) - reach
     high = pieces.segment.max(axis=1) + reach
-    touch = (low[:, None] <= high[None]).all(axis=2) & (high[:, None] >= low[None]).all(axis=2)
-    np.fill_diagonal(touch, False)
-    i, j = np.nonzero(touch)
-    return i, j
+    of = np.arange(len(pieces)) if of is None else of
+    if len(pieces) <= FEW:
+        i, j = np.nonzero(
+            (low[of, None] <= high[None]).all(axis=2) & (high[of, None] >= low[None]).all(axis=2)
+        )
+    else:
+        boxes = shapely.box(*low.T, *high.T)
+        i, j = shapely.STRtree(boxes).query(boxes[of])
+        order = np.lexsort((j, i))
+        i, j = i[order], j[order]
+    other = of[i] != j
+    return of[i[other]], j[other]
 
 
 def _cut(pieces: Pieces, which: IntArray, at: Array, config: PreprocessConfig) -> Pieces:
     """The pieces, each cut at all of its places; what becomes too short is dropped."""
-    axis, length = _axes(pieces), pieces.length
-    parents, ends = [], []
-    for place in range(len(pieces)):
-        cuts = np.sort(at[which == place])
-        bounds = np.concatenate([[0.0], cuts, [length[place]]])
-        for low, high in pairwise(bounds.tolist()):
-            if high - low >= config.min_length:
-                parents.append(place)
-                ends.append((low, high))
-    chosen = pieces.take(np.array(parents, dtype=np.int64))
-    start = chosen.segment[:, 0]
-    direction = axis[np.array(parents, dtype=np.int64)]
-    ends_array = np.array(ends).reshape(-1, 2)
-    segment = start[:, None, :] + ends_array[:, :, None] * direction[:, None, :]
+    count = len(pieces)
+    everyone = np.arange(count)
+    owner = np.concatenate([everyone, which])
+    start = np.concatenate([np.zeros(count), at])
+    order = np.lexsort((start, owner))
+    owner, start = owner[order], start[order]
+    last = np.append(owner[1:] != owner[:-1], True)
+    end = np.where(last, pieces.length[owner], np.append(start[1:], 0.0))
+    long = end - start >= config.min_length
+    owner, ends = owner[long], np.column_stack([start, end])[long]
+    chosen, axis = pieces.take(owner), _axes(pieces)[owner]
+    segment = chosen.segment[:, :1] + ends[:, :, None] * axis[:, None, :]
     return Pieces(chosen.plane_id, segment, chosen.normal, chosen.height)

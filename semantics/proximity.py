@@ -6,13 +6,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
-from semantics.preprocess import Pieces
+from semantics.preprocess import Pieces, near_pairs
 from slam.core import Array, InputError, IntArray
 
 NEIGHBOURS = 15
 """Closest neighbours that a piece is joined with (paper, IV)."""
+REACH = 5.0
+"""How far around a piece its neighbours are looked for at first [m]."""
+FAR = 1e5
+"""Beyond this, everything is as near as anything [m]."""
 
 
 @dataclass(frozen=True)
@@ -84,32 +89,29 @@ class InvariantFeatures:
         return np.log(pieces.length + 0.1)[:, None]
 
     def edges(self, pieces: Pieces, i: IntArray, j: IntArray, gap: Array) -> Array:
-        """(E, 14), see the lines below."""
-        axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
-        away = pieces.segment[j] - pieces.centre[i][:, None, :]
-        x = np.einsum("ekc,ec->ek", away, axis[i])
-        y = np.einsum("ekc,ec->ek", away, pieces.normal[i])
-        half = 0.5 * pieces.length[i]
-        low, high = x.min(axis=1), x.max(axis=1)
-        common = np.minimum(high, half) - np.maximum(low, -half)
-        towards = pieces.centre[i] - pieces.centre[j]
-        looks_back = np.einsum("ec,ec->e", towards, pieces.normal[j])
+        """(E, 14), see the lines below; both directions of every pair, as in the graph."""
+        n_i, n_j, centre = pieces.normal[i], pieces.normal[j], pieces.centre
+        away = centre[j] - centre[i]
+        lengths, half = pieces.length, 0.5 * pieces.length[i]
+        cosine = _dot(n_i, n_j)
+        sine = n_i[:, 0] * n_j[:, 1] - n_i[:, 1] * n_j[:, 0]
+        x, y = n_i[:, 0] * away[:, 1] - n_i[:, 1] * away[:, 0], _dot(n_i, away)
+        wide, deep = 0.5 * lengths[j] * np.abs(cosine), 0.5 * lengths[j] * np.abs(sine)
+        common = np.minimum(x + wide, half) - np.maximum(x - wide, -half)
+        metres = np.column_stack(
+            [x, y, y - deep, y + deep, x - wide - half, x + wide + half, common, -_dot(n_j, away)]
+        )
+        squashed = np.sign(metres) * np.log1p(np.abs(metres))
         return np.column_stack(
             [
-                np.einsum("ec,ec->e", pieces.normal[i], pieces.normal[j]),
-                np.einsum("ec,ec->e", axis[i], pieces.normal[j]),
-                _squash(0.5 * (low + high)),
-                _squash(0.5 * (y[:, 0] + y[:, 1])),
-                _squash(y.min(axis=1)),
-                _squash(y.max(axis=1)),
-                _squash(low - half),
-                _squash(high + half),
-                _squash(common),
-                np.clip(common / np.maximum(np.minimum(2.0 * half, high - low), 0.1), -1.0, 1.0),
+                cosine,
+                sine,
+                squashed[:, :7],
+                np.clip(common / np.maximum(np.minimum(half, wide) * 2.0, 0.1), -1.0, 1.0),
                 np.log(gap + 0.05),
-                _squash(looks_back),
-                np.log(pieces.length[j] + 0.1) - np.log(pieces.length[i] + 0.1),
-                _blocked(pieces, i, j),
+                squashed[:, 7],
+                np.log(lengths + 0.1)[j] - np.log(lengths + 0.1)[i],
+                np.tile(_blocked(pieces, i[: len(i) // 2], j[: len(i) // 2]), 2),
             ]
         )
 
@@ -139,41 +141,37 @@ def proximity_graph(
 
 
 def closest_pairs(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray, Array]:
-    """Pairs i < j where either is among the other's closest, and their gaps [m]."""
+    """Pairs i < j where either is among the other's closest, and their gaps [m].
+
+    Looks around each piece, and further only around those that have too few within reach.
+    """
     count = len(pieces)
-    if count < 2:
-        empty = np.zeros(0, dtype=np.int64)
-        return empty, empty, np.zeros(0)
-    i, j = _candidates(pieces, neighbours)
-    gap = segment_gap(pieces.segment[i], pieces.segment[j])
+    wanted = min(neighbours, count - 1)
+    reach, lonely = REACH, np.arange(count if wanted > 0 else 0)
+    found: list[tuple[IntArray, IntArray, Array]] = []
+    while len(lonely):
+        i, j = near_pairs(pieces, 0.5 * reach, lonely)
+        gap = segment_gap(pieces.segment[i], pieces.segment[j])
+        near = (gap <= reach) | (reach > FAR)
+        i, j, gap = i[near], j[near], gap[near]
+        found.append((np.minimum(i, j), np.maximum(i, j), gap))
+        number = np.bincount(i, minlength=count)
+        lonely = lonely[number[lonely] < wanted]
+        reach *= 2.0
+    i, j, gap = _once(found, count)
     keep = _nearest(i, j, gap, count, neighbours)
     return i[keep], j[keep], gap[keep]
 
 
-def _candidates(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray]:
-    """Pairs i < j worth a closer look: all of them, or in a large map those with near samples."""
-    count = len(pieces)
-    if count <= 160:
-        i, j = np.triu_indices(count, 1)
-        return i, j
-    from scipy.spatial import cKDTree
-
-    samples, owner = _samples(pieces, 1.5)
-    tree = cKDTree(samples)
-    _, found = tree.query(samples, k=min(len(samples), 6 * neighbours))
-    i, j = np.repeat(owner, found.shape[1]), owner[found.ravel()]
-    pairs = np.unique(np.minimum(i, j)[i != j] * count + np.maximum(i, j)[i != j])
-    return pairs // count, pairs % count
-
-
-def _samples(pieces: Pieces, spacing: float) -> tuple[Array, IntArray]:
-    """Points (S, 2) along the pieces, and whose they are."""
-    number = np.maximum(2, np.ceil(pieces.length / spacing).astype(np.int64) + 1)
-    owner = np.repeat(np.arange(len(pieces)), number)
-    first = np.cumsum(number) - number
-    fraction = (np.arange(len(owner)) - first[owner]) / (number[owner] - 1)
-    start, end = pieces.segment[owner, 0], pieces.segment[owner, 1]
-    return start + fraction[:, None] * (end - start), owner
+def _once(
+    found: list[tuple[IntArray, IntArray, Array]], count: int
+) -> tuple[IntArray, IntArray, Array]:
+    """All pairs that were found, in order, none twice."""
+    if not found:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    i, j, gap = (np.concatenate(column) for column in zip(*found, strict=True))
+    _, first = np.unique(i * count + j, return_index=True)
+    return i[first], j[first], gap[first]
 
 
 def _nearest(
@@ -192,54 +190,48 @@ def _nearest(
 
 def segment_gap(a: Array, b: Array) -> Array:
     """(E,) shortest distance between segments a and b (E, 2, 2); 0 where they cross."""
-    ends = [
-        _point_gap(a[:, 0], b),
-        _point_gap(a[:, 1], b),
-        _point_gap(b[:, 0], a),
-        _point_gap(b[:, 1], a),
-    ]
-    return np.where(_cross(a, b), 0.0, np.min(ends, axis=0))
+    p, q, r, s = a[:, 0], a[:, 1], b[:, 0], b[:, 1]
+    square = _point_gap2(p, r, s)
+    for point, start, end in ((q, r, s), (r, p, q), (s, p, q)):
+        np.minimum(square, _point_gap2(point, start, end), out=square)
+    cross = (_turn(p, q, r) * _turn(p, q, s) < 0) & (_turn(r, s, p) * _turn(r, s, q) < 0)
+    return np.where(cross, 0.0, np.sqrt(square))
 
 
-def _point_gap(points: Array, segments: Array) -> Array:
-    run = segments[:, 1] - segments[:, 0]
-    away = points - segments[:, 0]
-    length2 = np.maximum(np.einsum("ec,ec->e", run, run), 1e-12)
-    at = np.clip(np.einsum("ec,ec->e", away, run) / length2, 0.0, 1.0)
-    return np.linalg.norm(away - at[:, None] * run, axis=1)
-
-
-def _cross(a: Array, b: Array) -> NDArray[np.bool_]:
-    """(E,) do the segments properly cross?"""
-    return (_side(a, b[:, 0]) * _side(a, b[:, 1]) < 0) & (_side(b, a[:, 0]) * _side(b, a[:, 1]) < 0)
-
-
-def _side(segments: Array, points: Array) -> Array:
-    run = segments[:, 1] - segments[:, 0]
-    away = points - segments[:, 0]
-    return run[:, 0] * away[:, 1] - run[:, 1] * away[:, 0]
-
-
-def _squash(metres: Array) -> Array:
-    """Lengths of any sign, the long ones compressed."""
-    return np.sign(metres) * np.log1p(np.abs(metres))
+def _point_gap2(point: Array, start: Array, end: Array) -> Array:
+    """(E,) squared distance of points (E, 2) to segments."""
+    run_x, run_y = end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
+    x, y = point[:, 0] - start[:, 0], point[:, 1] - start[:, 1]
+    length2 = np.maximum(run_x * run_x + run_y * run_y, 1e-12)
+    at = np.minimum(np.maximum((x * run_x + y * run_y) / length2, 0.0), 1.0)
+    off_x, off_y = x - at * run_x, y - at * run_y
+    return off_x * off_x + off_y * off_y
 
 
 def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
-    """(E,) 1 where a third piece, one of i's neighbours, stands between the two pieces' middles.
+    """(E,) 1 where a third piece stands between the middles of two that face each other.
 
-    Looked at from a hand's breadth in front of each, so that neither hides itself.
+    Looked at from a hand's breadth in front of each, so that neither hides itself. Where one lies
+    behind the other, which the other features say, nobody looks.
     """
-    count = len(pieces)
-    order = np.argsort(i, kind="stable")
-    bounds = np.searchsorted(i[order], np.arange(count + 1))
     eye = pieces.centre + 0.1 * pieces.normal
-    sight = np.stack([eye[i], eye[j]], axis=1)
-    most = int(np.diff(bounds).max(initial=0))
-    blocked = np.zeros(len(i), dtype=bool)
-    for k in range(most):
-        place = bounds[i] + k
-        valid = place < bounds[i + 1]
-        third = np.where(valid, j[order[np.minimum(place, len(order) - 1)]], j)
-        blocked |= valid & (third != j) & _cross(sight, pieces.segment[third])
-    return blocked.astype(np.float64)
+    away = eye[j] - eye[i]
+    ahead = (_dot(away, pieces.normal[i]) > 0.0) & (_dot(away, pieces.normal[j]) < 0.0)
+    asked = np.flatnonzero(ahead)
+    sight = shapely.linestrings(np.stack([eye[i[asked]], eye[j[asked]]], axis=1))
+    tree = shapely.STRtree(shapely.linestrings(pieces.segment))
+    line, third = tree.query(sight, predicate="intersects")
+    other = (third != i[asked[line]]) & (third != j[asked[line]])
+    blocked = np.zeros(len(i))
+    blocked[asked[line[other]]] = 1.0
+    return blocked
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """(E,) products of the rows of (E, 2)."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+
+
+def _turn(a: Array, b: Array, c: Array) -> Array:
+    """(E,) positive where c lies to the left of the way from a to b."""
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])

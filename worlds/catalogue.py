@@ -13,17 +13,22 @@ import shapely
 from shapely.geometry import Polygon
 
 from slam.core import InputError
-from worlds.floorplan import floorplan, is_floorplan
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
-from worlds.planfile import checked_json, plan_of
+from worlds.readers import DEFAULT, ReaderOptions, read_building
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
 ELONGATED = 1.8
 """A rectangular room longer than this many times its width is elongated."""
 CONVEX = 0.95
-"""A room that fills less than this part of its convex hull is L-shaped."""
+"""A room that fills less than this part of its convex hull is not convex."""
+RECTANGULAR = 0.8
+"""A convex room that fills less than this part of the rectangle about it is irregular."""
+L_CORNERS = 6
+"""Corners of an L-shape; a room that is not convex and has more is irregular."""
+STRAIGHT = 0.05
+"""Corners that are this near to the line between their neighbours do not count [m]."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +78,10 @@ def _nearest(name: str) -> str:
     return f"expected one of {', '.join(names)} or the path of a plan file"
 
 
-def load_scene(name_or_path: str) -> Plan:
-    """The plan of a scene's name or of a path: our plan file, or a floor-plan JSON. Raises
-    InputError for what cannot be read."""
-    path = scene_path(name_or_path)
-    root = checked_json(path)
-    return floorplan(root, path) if is_floorplan(root) else plan_of(root, path)
+def load_scene(name_or_path: str, options: ReaderOptions = DEFAULT) -> Plan:
+    """The plan of a scene's name or of a building's file (``worlds.readers``). Raises InputError
+    for what cannot be read."""
+    return read_building(scene_path(name_or_path), options)
 
 
 def file_sha256(path: Path) -> str:
@@ -107,11 +110,15 @@ def scene_counts(plan: Plan) -> SceneCounts:
 
 
 def room_shape(kind: str, polygon: Polygon) -> str:
-    """squared, elongated, L-shaped; any kind but ``room`` is a shape of its own."""
+    """squared, elongated, L-shaped, irregular; any kind but ``room`` is a shape of its own."""
     if kind != "room":
         return kind
     if polygon.area < CONVEX * polygon.convex_hull.area:
-        return "L-shaped"
-    corners = np.asarray(shapely.minimum_rotated_rectangle(polygon).exterior.coords)
-    sides = np.linalg.norm(np.diff(corners[:3], axis=0), axis=1)
+        corners = len(polygon.simplify(STRAIGHT).exterior.coords) - 1
+        return "L-shaped" if corners <= L_CORNERS and not polygon.interiors else "irregular"
+    rectangle = shapely.minimum_rotated_rectangle(polygon)
+    if polygon.area < RECTANGULAR * rectangle.area:
+        return "irregular"
+    corner = np.asarray(rectangle.exterior.coords)
+    sides = np.linalg.norm(np.diff(corner[:3], axis=0), axis=1)
     return "elongated" if sides.max() > ELONGATED * sides.min() else "squared"

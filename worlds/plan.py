@@ -9,10 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
+
+from slam.core import Array
 
 CEILING_WHERE_UNKNOWN = 2.7
 """Height of a storey whose plan gives none [m]."""
+UNLABELLED = "unlabelled"
+"""Kind of a free area that nobody has called a room: where to drive, but no truth about rooms."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +34,15 @@ class RoomOutline:
 class Opening:
     """A hole through walls: a footprint across the wall, and the heights between which it is open.
 
-    kind: door | window | opening. Heights are above the storey's floor [m].
+    kind: door | window | opening. Heights are above the storey's floor [m]. glass: a pane closes it
+    (so nobody drives through, whatever its kind).
     """
 
     kind: str
     footprint: Polygon
     z_min: float
     z_max: float
+    glass: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,9 +58,45 @@ class Storey:
 
 
 @dataclass(frozen=True)
+class Ramp:
+    """An inclined floor from a storey (its place in the plan) up to the next one.
+
+    foot, head: (2, 2) its lower and its upper edge, left end first when seen from below [m].
+    """
+
+    storey: int
+    foot: Array
+    head: Array
+
+    @property
+    def outline(self) -> Polygon:
+        """What it covers in plan view."""
+        return Polygon([*self.foot, *self.head[::-1]])
+
+    @property
+    def run(self) -> float:
+        """Its length in plan view, from the middle of the foot to that of the head [m]."""
+        return float(np.linalg.norm(self.head.mean(axis=0) - self.foot.mean(axis=0)))
+
+
+@dataclass(frozen=True)
+class NamedRoute:
+    """A part of a building to drive through. rooms: ids on one storey; the first is its start."""
+
+    name: str
+    rooms: tuple[str, ...]
+    storey: int = 0
+
+
+@dataclass(frozen=True)
 class Plan:
-    """A building. notes: where it comes from, for people."""
+    """A building. notes: where it comes from, for people; conditions: the preset that it is built
+    under unless another is asked for; routes: parts of it that a run may name.
+    """
 
     name: str
     storeys: tuple[Storey, ...]
     notes: str = ""
+    conditions: str = "as-built"
+    routes: tuple[NamedRoute, ...] = ()
+    ramps: tuple[Ramp, ...] = ()

@@ -1,15 +1,20 @@
 """Our plan file: a building as JSON that people can read and write.
 
-    {"format": "roomloop-plan-1", "name": ..., "notes": ...,
+    {"format": "roomloop-plan-1", "name": ..., "notes": ..., "conditions": "as-built",
      "storeys": [{"name": ..., "z_floor": 0.0, "z_ceiling": 2.7,
        "rooms": [{"id": ..., "name": ..., "kind": "room", "outline": [[x, y], ...]}],
        "walls": [{"from": [x, y], "to": [x, y], "thickness": 0.15} | {"outline": [[x, y], ...]}],
-       "doors": [{"at": [x, y], "width": 0.9, "height": 2.0} | {"outline": [[x, y], ...]}]}]}
+       "doors": [{"at": [x, y], "width": 0.9, "height": 2.0} | {"outline": [[x, y], ...]}]}],
+     "ramps": [{"storey": 0, "foot": [[x, y], [x, y]], "head": [[x, y], [x, y]]}],
+     "routes": [{"name": "west", "storey": 0, "rooms": ["1", "2"]}]}
 
 Metres. Centre lines that meet end to end get a proper corner. A door lies on a wall and cuts
 through its whole body; ``kind`` is door, window or opening, ``sill`` and ``head`` are heights above
 the floor.
-Rooms, walls and doors given by an outline may have ``holes``.
+Rooms, walls and doors given by an outline may have ``holes``. ``conditions`` names the preset under
+which the building is built where a run asks for none. A ramp leads from ``storey`` up to the next
+one. ``"building": "SC1F1"`` in the place of ``storeys`` takes the building of that plan file in the
+same folder: two scenes can share one.
 """
 
 from __future__ import annotations
@@ -27,7 +32,16 @@ from shapely.geometry.polygon import orient
 from slam.core import InputError
 from worlds.drafting import CentreLine, as_multipolygon, door_footprint, draw_bodies
 from worlds.fields import Field, read_json
-from worlds.plan import CEILING_WHERE_UNKNOWN, Opening, Plan, RoomOutline, Storey
+from worlds.plan import (
+    CEILING_WHERE_UNKNOWN,
+    NamedRoute,
+    Opening,
+    Plan,
+    Ramp,
+    RoomOutline,
+    Storey,
+)
+from worlds.planlinks import links_text, read_ramps, read_routes
 
 FORMAT = "roomloop-plan-1"
 MAX_VERTICES = 200_000
@@ -55,16 +69,60 @@ def checked_json(path: Path) -> Field:
 
 def plan_of(root: Field, path: Path) -> Plan:
     """The plan in a parsed file of our own format."""
-    top = root.members(("format", "storeys"), ("name", "notes"))
+    content = "building" if _has(root, "building") else "storeys"
+    top = root.members(("format", content), ("name", "notes", "conditions", "ramps", "routes"))
     top["format"].choice((FORMAT,))
-    storeys = top["storeys"].items()
-    if not storeys:
-        top["storeys"].wrong("at least one storey")
+    storeys, ramps, routes = _shared(top, path) if content == "building" else _own(top)
+    if "routes" in top:
+        routes = read_routes(top["routes"], storeys)
     return Plan(
         name=top["name"].text() if "name" in top else path.stem,
-        storeys=tuple(_storey(field, i) for i, field in enumerate(storeys)),
+        storeys=storeys,
         notes=top["notes"].text() if "notes" in top else "",
+        conditions=top["conditions"].text() if "conditions" in top else "as-built",
+        routes=routes,
+        ramps=ramps,
     )
+
+
+def plan_sources(path: Path) -> tuple[Path, ...]:
+    """The files that make up the plan in a file: itself, and that of the building it names."""
+    root = read_json(path)
+    if not (isinstance(root.value, dict) and "building" in root.value):
+        return (path,)
+    return path, _building_path(root.members((), tuple(root.value))["building"], path)
+
+
+_Building = tuple[tuple[Storey, ...], tuple[Ramp, ...], tuple[NamedRoute, ...]]
+
+
+def _own(top: dict[str, Field]) -> _Building:
+    items = top["storeys"].items()
+    if not items:
+        top["storeys"].wrong("at least one storey")
+    storeys = tuple(_storey(field, i) for i, field in enumerate(items))
+    ramps = read_ramps(top["ramps"], storeys) if "ramps" in top else ()
+    return storeys, ramps, ()
+
+
+def _shared(top: dict[str, Field], path: Path) -> _Building:
+    """The building of another plan file in the same folder, which must have one of its own."""
+    if "ramps" in top:
+        top["ramps"].fail("expected the ramps in the plan file of the building")
+    other = _building_path(top["building"], path)
+    root = checked_json(other)
+    if _has(root, "building"):
+        top["building"].wrong("a plan file with storeys of its own")
+    plan = plan_of(root, other)
+    return plan.storeys, plan.ramps, plan.routes
+
+
+def _building_path(field: Field, path: Path) -> Path:
+    name = field.text()
+    other = path.parent / f"{name}.json"
+    if Path(name).name != name or not other.is_file():
+        field.wrong("the name of a plan file in the same folder, without .json")
+    return other
 
 
 def _check_size(root: Field) -> None:
@@ -233,15 +291,27 @@ def _ring(field: Field) -> list[tuple[float, float]]:
 
 def write_plan(plan: Plan, path: Path) -> None:
     """Writes the plan; ``read_plan`` gives back the same geometry. Walls become outlines."""
-    storeys = ",\n".join(_storey_text(storey) for storey in plan.storeys)
-    head = f'"format": {_text(FORMAT)},\n"name": {_text(plan.name)},\n"notes": {_text(plan.notes)}'
-    text = f'{{{head},\n"storeys": [\n{storeys}\n]}}\n'
     partial = path.with_name(path.name + ".part")
     try:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_text(plan_text(plan), encoding="utf-8")
         partial.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def plan_text(plan: Plan) -> str:
+    """The text of the plan's file."""
+    storeys = ",\n".join(_storey_text(storey) for storey in plan.storeys)
+    head = ",\n".join(
+        f'"{key}": {_text(value)}'
+        for key, value in (
+            ("format", FORMAT),
+            ("name", plan.name),
+            ("notes", plan.notes),
+            ("conditions", plan.conditions),
+        )
+    )
+    return f'{{{head},\n"storeys": [\n{storeys}\n]{links_text(plan)}}}\n'
 
 
 def _storey_text(storey: Storey) -> str:

@@ -137,3 +137,82 @@ def test_se1_has_the_rooms_of_table_i():
     assert kinds.count("room") == 6
     assert kinds.count("corridor") == 3
     assert scene_counts(load_scene("SE1")) is not None
+
+
+def two_storeys():
+    """The house twice, one on the other, with a ramp between them."""
+    tree = house()
+    upper = house()["storeys"][0]
+    upper.update(name="1", z_floor=3.0, z_ceiling=5.6)
+    tree["storeys"].append(upper)
+    tree["ramps"] = [{"storey": 0, "foot": [[-4, 1.8], [-4, 0.2]], "head": [[12, 1.8], [12, 0.2]]}]
+    return tree
+
+
+def test_ramps_routes_and_conditions_are_read_and_written(tmp_path):
+    tree = two_storeys()
+    tree["conditions"] = "ideal"
+    tree["routes"] = [{"name": "upstairs", "storey": 1, "rooms": ["0", "2"]}]
+    plan = read_plan(write(tree, tmp_path))
+    write_plan(plan, tmp_path / "again.json")
+    for one in (plan, read_plan(tmp_path / "again.json")):
+        assert one.conditions == "ideal"
+        assert one.routes == plan.routes
+        assert (one.routes[0].name, one.routes[0].rooms, one.routes[0].storey) == (
+            "upstairs",
+            ("0", "2"),
+            1,
+        )
+        assert one.ramps[0].run == pytest.approx(16.0)
+        assert one.ramps[0].outline.area == pytest.approx(16.0 * 1.6)
+
+
+BAD_LINKS = {
+    "too steep": ({"head": [[4, 1.8], [4, 0.2]]}, "slope"),
+    "right end first": (
+        {"foot": [[-4, 0.2], [-4, 1.8]], "head": [[12, 0.2], [12, 1.8]]},
+        "left end first",
+    ),
+    "crossed": ({"head": [[12, 0.2], [12, 1.8]]}, "convex"),
+    "one end": ({"foot": [[-4, 1.8]]}, "foot"),
+    "from the top": ({"storey": 1}, "storey"),
+    "half a storey": ({"storey": 0.5}, "storey"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LINKS)
+def test_bad_ramps_are_refused(case, tmp_path):
+    change, named = BAD_LINKS[case]
+    tree = two_storeys()
+    tree["ramps"][0].update(change)
+    with pytest.raises(InputError, match=rf"house\.json: ramps\[0\].*{named}"):
+        read_plan(write(tree, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("route", "named"),
+    [
+        ({"name": "a", "rooms": ["cellar"]}, r"rooms\[0\]"),
+        ({"name": "a", "rooms": []}, "at least one room"),
+        ({"name": "a", "storey": 7, "rooms": ["0"]}, "storey"),
+        ({"rooms": ["0"]}, "name"),
+        ({"name": "Twice", "rooms": ["0"]}, "twice"),
+    ],
+)
+def test_bad_routes_are_refused(route, named, tmp_path):
+    tree = house()
+    tree["routes"] = [{"name": "twice", "rooms": ["1"]}, route]
+    with pytest.raises(InputError, match=rf"routes\[1\].*{named}"):
+        read_plan(write(tree, tmp_path))
+
+
+def test_a_scene_may_share_the_building_of_another(tmp_path):
+    write(house(), tmp_path)
+    other = {"format": "roomloop-plan-1", "name": "site", "building": "house"}
+    plan = read_plan(write({**other, "conditions": "ideal"}, tmp_path, "site.json"))
+    assert plan.storeys == read_plan(tmp_path / "house.json").storeys
+    assert (plan.name, plan.conditions) == ("site", "ideal")
+    for bad in ("no-such-plan", "../house", "site2", 3):
+        write(other, tmp_path, "site2.json")
+        with pytest.raises(InputError, match=r"site2\.json: building"):
+            read_plan(write({**other, "building": bad}, tmp_path, "site2.json"))
