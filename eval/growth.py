@@ -39,8 +39,8 @@ from worlds.world import true_world
 
 @dataclass(frozen=True)
 class GrowthConfig:
-    """step [m]: between keyframes; reach [m]: how far planes are seen; spacing [m]: of the points on
-    them; tilt [rad], offset [m]: standard deviations of an observed plane; point_sigma [m];
+    """step [m]: between keyframes; reach [m]: how far planes are seen; spacing [m]: of the points
+    on them; tilt [rad], offset [m]: standard deviations of an observed plane; point_sigma [m];
     turn [rad], slip [m]: of the odometry, per keyframe; gap [m]: between buildings."""
 
     step: float = 0.5
@@ -78,7 +78,7 @@ def growth(
     seed: int = 0,
     backend: BackEndConfig = BackEndConfig(),  # noqa: B008
     detector: Detector | None = None,
-    config: GrowthConfig = GrowthConfig(),  # noqa: B008
+    config: GrowthConfig = GrowthConfig(),
     progress: Callable[[float, float], None] | None = None,
 ) -> Growth:
     """Replays the observations of that many rooms into a back end (and a detector)."""

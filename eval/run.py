@@ -11,15 +11,18 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from eval.artefact import Replay, artefact_path, recorded
 from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
 from eval.labels import TruthKeeper
-from eval.metrics import Metrics, RunFacts, Stages, StageTime, assemble
+from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.scenegraph import scene_graph
+from eval.score_loops import score_loops
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
 from eval.sinks import Sink, make_sink
@@ -29,6 +32,7 @@ from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
+from slam.loops import LoopConfig
 from worlds.catalogue import file_sha256, scene_path
 from worlds.world import World
 
@@ -124,11 +128,16 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
         steps=steps,
         replay=replay,
         duration=duration,
-        backend=BackEnd(BackEndConfig(layers=config.layers)),
+        backend=BackEnd(back_end_config(config)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
         sink=make_sink(config, config.folder),
     )
+
+
+def back_end_config(config: RunConfig) -> BackEndConfig:
+    """What a run's options ask of the back end."""
+    return BackEndConfig(layers=config.layers, loops=LoopConfig() if config.loops == "on" else None)
 
 
 def _front_end(
@@ -196,7 +205,11 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     )
     mesh = parts.world.mesh
     scores = score_run(record, SurfaceDistance(mesh.vertices, mesh.triangles, mesh.face))
-    metrics = assemble(replace(facts, simulated_s=float(backend.stamps()[-1])), scores)
+    poses = parts.keeper.trajectory.poses[np.array(parts.keeper.keyframe_scans, dtype=np.int64)]
+    found = score_loops(backend.loops, poses)
+    loops = Loops(found.true, found.false, found.missed)
+    facts = replace(facts, simulated_s=float(backend.stamps()[-1]), loops=loops)
+    metrics = assemble(facts, scores)
     write_tum(record.estimate, folder / "trajectory.tum")
     write_tum(record.odometry, folder / "odometry.tum")
     write_tum(scores.truth_trajectory, folder / "truth.tum")

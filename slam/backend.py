@@ -27,6 +27,7 @@ from slam.core import (
     transform_points,
 )
 from slam.graph import GraphConfig, LayeredGraph, RoomNode, WallNode
+from slam.loops import Loop, LoopCloser, LoopConfig
 from slam.planemap import Observed, PlaneMap, PlaneMapConfig
 
 log = logging.getLogger(__name__)
@@ -34,10 +35,11 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BackEndConfig:
-    """layers: what enters the graph beside keyframes and planes; merge_every: keyframes between two
-    searches for planes that are one."""
+    """layers: what enters the graph beside keyframes and planes; loops: None closes none;
+    merge_every: keyframes between two searches for planes that are one."""
 
     layers: str = "rooms+walls"
+    loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
     graph: GraphConfig = field(default_factory=GraphConfig)
     planes: PlaneMapConfig = field(default_factory=PlaneMapConfig)
@@ -55,10 +57,12 @@ class BackEnd:
         self._frames: list[Frame] = []
         self._online: list[Array] = []
         self._keyframes: list[Frame] = []
+        self._scans: list[KeyframeScan] = []
         self._places: list[int] = []
         self._way = 0.0
         self._T_map_track = np.eye(4)
         self._failed = False
+        self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
     # --- one frame after the other ---
 
@@ -82,11 +86,12 @@ class BackEnd:
         T_map_base, known = self._planes.associate(T_map_base, seen, self._way)
         self._graph.add_keyframe(keyframe, T_map_base, step)
         self._keyframes.append(frame)
+        self._scans.append(frame.keyframe)
         self._places.append(len(self._frames) - 1)
         for (place, observation), plane in zip(planes, known, strict=True):
             self._add_observation(T_map_base, Observed(keyframe, place, observation), plane)
         self._drop_doubtful(keyframe)
-        self.optimise()
+        self.optimise(whole=self._close_loop())
         if keyframe % self._config.merge_every == 0:
             self._merge()
 
@@ -122,6 +127,22 @@ class BackEnd:
             for plane in merged:
                 self._graph.drop_plane(plane)
             self.optimise(whole=True)
+
+    def _close_loop(self) -> bool:
+        """Looks for a loop that the last keyframe closes; True if it moves the map."""
+        config = self._config.loops
+        if config is None:
+            return False
+        loop = self._closer.find(self._estimates.poses, self._scans, self._way)
+        if loop is None:
+            return False
+        self._graph.close_loop(loop, config.rotation, config.translation)
+        return True
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """The loops that were closed."""
+        return tuple(self._closer.loops)
 
     def _drop_doubtful(self, keyframe: int) -> None:
         for plane in self._planes.doubtful(keyframe):

@@ -12,6 +12,7 @@ from slam.charts import Chart
 from slam.core import Array, PlaneObservation, RunError
 from slam.estimates import Estimates
 from slam.factors import PlaneKey, keyframe_plane_factor, room_factor, wall_factor
+from slam.loops import Loop
 
 KEYFRAME, PLANE, WALL, ROOM, FLOOR = "x", "p", "w", "r", "f"
 
@@ -144,6 +145,19 @@ class LayeredGraph:
             self._removals.append(self._index.pop(name))
         else:
             self._pending = [(other, factor) for other, factor in self._pending if other != name]
+
+    def close_loop(self, loop: Loop, rotation: float, translation: float) -> None:
+        """A later keyframe was found to be where an earlier one was. rotation [rad], translation
+        [m]: standard deviations; a closure that nothing else agrees with counts little (Cauchy)."""
+        sigmas = np.array([rotation] * 3 + [translation] * 3)
+        noise = gtsam.noiseModel.Robust.Create(
+            gtsam.noiseModel.mEstimator.Cauchy.Create(1.0),
+            gtsam.noiseModel.Diagonal.Sigmas(sigmas),
+        )
+        earlier, later = (gtsam.symbol(KEYFRAME, k) for k in (loop.earlier, loop.later))
+        T = gtsam.Pose3(loop.T_earlier_later)
+        factor = gtsam.BetweenFactorPose3(earlier, later, T, noise)
+        self._pending.append((("loop", loop.earlier, loop.later), factor))
 
     # --- concepts ---
 
