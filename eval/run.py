@@ -18,10 +18,11 @@ from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
 from eval.labels import TruthKeeper
-from eval.metrics import Metrics, RunFacts, Stages, StageTime, assemble
+from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.scenegraph import scene_graph
+from eval.score_loops import score_loops
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
 from eval.sinks import Sink, make_sink
@@ -31,6 +32,7 @@ from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
+from slam.loops import LoopConfig
 
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
@@ -124,11 +126,16 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
         steps=steps,
         replay=replay,
         duration=duration,
-        backend=BackEnd(BackEndConfig(layers=config.layers)),
+        backend=BackEnd(back_end_config(config)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
         sink=make_sink(config, config.folder),
     )
+
+
+def back_end_config(config: RunConfig) -> BackEndConfig:
+    """What a run's options ask of the back end."""
+    return BackEndConfig(layers=config.layers, loops=LoopConfig() if config.loops == "on" else None)
 
 
 def _front_end(
@@ -197,7 +204,8 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     )
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(backend.stamps()[-1]) - parts.keeper.start
-    metrics = assemble(replace(facts, simulated_s=simulated_s), scores)
+    facts = replace(facts, simulated_s=simulated_s, loops=_loops(parts))
+    metrics = assemble(facts, scores)
     write_tum(record.estimate, folder / "trajectory.tum")
     write_tum(record.odometry, folder / "odometry.tum")
     if len(scores.truth_trajectory):
@@ -208,6 +216,16 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     plan_png(record, scores, folder / "plan.png")
     write_metrics(metrics, folder / "metrics.json")
     return metrics
+
+
+def _loops(parts: _Parts) -> Loops:
+    """Loop closures against the truth, where it is known at every keyframe."""
+    scans = np.array(parts.keeper.keyframe_scans, dtype=np.int64)
+    poses = parts.keeper.trajectory.poses[scans]
+    if not np.isfinite(poses).all():
+        return Loops()
+    found = score_loops(parts.backend.loops, poses)
+    return Loops(found.true, found.false, found.missed)
 
 
 def _surface(place: Place) -> SurfaceDistance | None:

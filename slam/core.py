@@ -7,6 +7,7 @@ Frames: ``world`` (the simulator's truth), ``map`` (estimates), ``odom``, ``base
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -198,12 +199,11 @@ def plane_axes(normal: Array) -> tuple[Array, Array]:
     For a wall the first one is level, to the right of who looks at it from the normal's side; for
     a floor or ceiling it is the x axis, brought into the plane.
     """
-    if abs(normal[2]) > 0.7:
-        first = np.array([1.0, 0.0, 0.0]) - normal[0] * np.asarray(normal)
-    else:
-        first = np.array([-normal[1], normal[0], 0.0])
-    first /= np.linalg.norm(first)
-    return first, np.cross(normal, first)
+    x, y, z = (float(component) for component in normal)
+    a, b, c = (1.0 - x * x, -x * y, -x * z) if abs(z) > 0.7 else (-y, x, 0.0)
+    length = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / length, b / length, c / length
+    return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
 # --- what a sensor gives -------------------------------------------------------------------------
