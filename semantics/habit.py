@@ -6,8 +6,8 @@ import numpy as np
 
 from semantics.clusters import Clusters
 from semantics.edges import Edges
-from semantics.names import names_of, places_of
-from semantics.preprocess import Pieces
+from semantics.names import earlier
+from semantics.preprocess import Pieces, joined
 from slam.core import Array
 
 
@@ -16,12 +16,12 @@ class Habit:
 
     def __init__(self, strength: float):
         self._strength = strength
-        self._names = np.zeros(0, dtype=np.int64)
+        self._pieces = joined([])
         self._label = np.full(1, -1, dtype=np.int64)
 
     def lean(self, pieces: Pieces, edges: Edges) -> Array:
         """(P,) probabilities of the room relation, with the memory of last time."""
-        label = self._label[places_of(self._names, names_of(pieces))]
+        label = self._label[earlier(self._pieces, pieces)]
         first, second = label[edges.pairs[:, 0]], label[edges.pairs[:, 1]]
         known = (first >= 0) & (second >= 0)
         lean = np.where(known, np.where(first == second, 1.0, -1.0), 0.0) * self._strength
@@ -32,5 +32,5 @@ class Habit:
         """Pieces alone are in no cluster."""
         size = np.bincount(clusters.label[clusters.label >= 0], minlength=1)
         together = (clusters.label >= 0) & (size[clusters.label] > 2)
-        self._names = names_of(pieces)
+        self._pieces = pieces
         self._label = np.append(np.where(together, clusters.label, -1), -1)

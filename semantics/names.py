@@ -27,3 +27,23 @@ def places_of(known: IntArray, wanted: IntArray) -> IntArray:
     order = np.argsort(known, kind="stable")
     slot = np.minimum(np.searchsorted(known[order], wanted), len(known) - 1)
     return np.where(known[order][slot] == wanted, order[slot], -1)
+
+
+def earlier(known: Pieces, pieces: Pieces) -> IntArray:
+    """(M,) place of the known piece of the same plane that has most in common with each, -1 where
+    there is none: however many pieces the plane has by now."""
+    order = np.argsort(known.plane_id, kind="stable")
+    first = np.searchsorted(known.plane_id[order], pieces.plane_id, side="left")
+    number = np.searchsorted(known.plane_id[order], pieces.plane_id, side="right") - first
+    mine = np.repeat(np.arange(len(pieces)), number)
+    step = np.arange(len(mine)) - np.repeat(np.cumsum(number) - number, number)
+    other = order[first[mine] + step]
+    axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])[mine]
+    low, high = np.sort(np.einsum("pkc,pc->pk", pieces.segment[mine], axis), axis=1).T
+    start, end = np.sort(np.einsum("pkc,pc->pk", known.segment[other], axis), axis=1).T
+    common = np.minimum(high, end) - np.maximum(low, start)
+    found = np.full(len(pieces), -1, dtype=np.int64)
+    by_common = np.argsort(common, kind="stable")
+    by_common = by_common[common[by_common] > 0.0]
+    found[mine[by_common]] = other[by_common]  # the last one written is the one with most
+    return found

@@ -13,8 +13,9 @@ from slam.core import PlanePiece, RoomProposal, WallProposal
 class TrackerConfig:
     """overlap: least share of common length, of the longer and of the shorter one, for two rooms to
     be one; patience: inferences without
-    evidence after which a room or wall is given up; taken: share of a missing room's pieces that
-    others may have taken before it is given up at once."""
+    evidence after which a room or wall is given up, and for which two known rooms stay two although
+    they are found as one; taken: share of a missing room's pieces that others may have taken before
+    it is given up at once, and of a known room that is in another one."""
 
     overlap: tuple[float, float] = (0.3, 0.5)
     patience: int = 3
@@ -34,10 +35,12 @@ class RoomTracker:
         self._sources: dict[int, RoomProposal] = {}
         self._missed: dict[int, int] = {}
         self._retired: dict[int, RoomProposal] = {}
+        self._mergers: dict[frozenset[int], int] = {}
         self._next = 0
 
     def update(self, found: Sequence[RoomProposal]) -> tuple[RoomProposal, ...]:
         """The rooms to hold true now: those found, and those missed only lately."""
+        found = self._believed(found)
         names = self._names(found)
         named = {
             name: self._known[name] if self._sources.get(name) is room else replace(room, id=name)
@@ -80,6 +83,30 @@ class RoomTracker:
         for _, place, name in sorted(scores):
             if names[place] is None and name not in names:
                 names[place] = name
+
+    def _believed(self, found: Sequence[RoomProposal]) -> list[RoomProposal]:
+        """Without rooms that have only lately been found where several known ones are."""
+        by_plane = _by_plane(self._known)
+        last = {id(room) for room in self._sources.values()}
+        mergers, believed = {}, []
+        for room in found:
+            names = frozenset() if id(room) in last else self._inside(room, by_plane)
+            if len(names) > 1:
+                mergers[names] = self._mergers.get(names, 0) + 1
+            if len(names) < 2 or mergers[names] > self._config.patience:
+                believed.append(room)
+        self._mergers = mergers
+        return believed
+
+    def _inside(self, room: RoomProposal, by_plane: Mapping[int, list[int]]) -> frozenset[int]:
+        """Known rooms that are mostly in this one."""
+        near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
+        return frozenset(
+            n
+            for n in near
+            if common(room.pieces, self._known[n].pieces)
+            > self._config.taken * length(self._known[n].pieces)
+        )
 
     def _new(self) -> int:
         self._next += 1

@@ -38,12 +38,12 @@ class TrainConfig:
     networks: tuple[tuple[str, tuple[str, ...]], ...] = (("gnn", RELATIONS),)
     features: str = "invariant"
     seed: int = 0
-    epochs: int = 24
+    epochs: int = 20
     rate: float = 3e-3
-    batch: int = 16
+    batch: int = 8
     validation: float = 0.1
     processes: int = 2
-    threads: int = 2
+    threads: int = 1
     folder: Path = WEIGHTS
 
 

@@ -22,8 +22,8 @@ class WallConfig:
     """
 
     wall: float = 0.5
-    gap: tuple[float, float] = (0.03, 0.65)
-    overlap: float = 0.3
+    gap: tuple[float, float] = (0.03, 0.62)
+    overlap: float = 0.2
     angle: float = np.radians(1.5)
     angle_noise: float = np.radians(1.0)
 
@@ -35,19 +35,30 @@ def walls_of(
 
     label: (M,) the cluster of each piece. A long face may have a wall with each of several rooms
     behind it; but what one room has of a plane is one face, in however many pieces: of those the
-    pair with most in common stands for all.
+    pair with most in common stands for all. A piece alone may be of any room.
     """
     common = _back_to_back(pieces, pairs, config)
     good = np.flatnonzero((common > config.overlap) & (probability > config.wall))
     good = good[np.argsort(-common[good], kind="stable")]
-    alone = np.where(label >= 0, label, -1 - np.arange(len(label)))
-    faces = np.stack([pieces.plane_id[pairs[good]], alone[pairs[good]]], axis=2)  # (G, 2, 2)
-    swap = (faces[:, 0, 0] > faces[:, 1, 0]) | (
-        (faces[:, 0, 0] == faces[:, 1, 0]) & (faces[:, 0, 1] > faces[:, 1, 1])
-    )
-    faces[swap] = faces[swap][:, ::-1]
-    _, first = np.unique(faces.reshape(-1, 4), axis=0, return_index=True)
-    return np.sort(good[first])
+    size = np.bincount(label[label >= 0], minlength=1)
+    room = np.where((label >= 0) & (size[label] > 1), label, -1)
+    taken: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    chosen = []
+    for place in good.tolist():
+        i, j = pairs[place].tolist()
+        if pieces.plane_id[i] > pieces.plane_id[j]:
+            i, j = j, i
+        known = taken.setdefault((int(pieces.plane_id[i]), int(pieces.plane_id[j])), [])
+        rooms = (int(room[i]), int(room[j]))
+        if not any(_may_be_same(rooms, other) for other in known):
+            known.append(rooms)
+            chosen.append(place)
+    return np.array(sorted(chosen), dtype=np.int64)
+
+
+def _may_be_same(rooms: tuple[int, int], others: tuple[int, int]) -> bool:
+    """Two pairs of rooms, -1 for an unknown one."""
+    return all(a == b or -1 in (a, b) for a, b in zip(rooms, others, strict=True))
 
 
 def _back_to_back(pieces: Pieces, pairs: IntArray, config: WallConfig) -> Array:

@@ -31,11 +31,13 @@ def test_a_room_missed_once_is_kept_and_one_missed_for_long_is_not():
     assert tracker.update([]) == ()
 
 
-def test_a_room_whose_walls_another_one_takes_goes_at_once():
+def test_two_rooms_become_one_only_when_it_lasts():
     tracker = RoomTracker()
     tracker.update([room(0, 1, 2), room(3, 4, 5)])
-    merged = tracker.update([room(0, 1, 2, 3, 4, 5)])
-    assert len(merged) == 1
+    both = room(0, 1, 2, 3, 4, 5)
+    for _ in range(3):
+        assert ids(tracker.update([both])) == [0, 1]
+    assert len(tracker.update([both])) == 1
 
 
 def test_pieces_of_one_plane_far_apart_are_different_rooms():

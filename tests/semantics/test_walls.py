@@ -42,11 +42,18 @@ def test_a_face_in_two_pieces_makes_one_wall_and_two_rooms_behind_it_make_two():
     pieces = replace(pieces, plane_id=np.array([0, 1, 1]))
     pairs, sure = [[0, 1], [0, 2]], [0.9, 0.9]
     assert found(pieces, pairs, sure, [0, 1, 1]) == [1]
-    assert found(pieces, pairs, sure, [0, 1, 2]) == [0, 1]
-    assert found(pieces, pairs, sure, [-1, -1, -1]) == [0, 1]
+    assert found(pieces, pairs, sure, [-1, -1, -1]) == [1]
+
+
+def test_one_long_face_has_a_wall_with_each_of_two_rooms_behind_it():
+    sides = [((0.0, 0.0), (8.0, 0.0)), ((8.0, -0.2), (5.0, -0.2)), ((4.0, -0.2), (0.0, -0.2))]
+    sides += [((5.0, -0.2), (5.0, -4.0)), ((4.0, -4.0), (4.0, -0.2))]
+    pieces = pieces_of(sides)
+    one_plane = replace(pieces, plane_id=np.array([0, 1, 1, 2, 3]))
+    assert found(one_plane, [[0, 1], [0, 2]], [0.9, 0.9], [0, 1, 2, 1, 2]) == [0, 1]
 
 
 def test_no_pairs_no_walls():
     pieces = pieces_of([((0.0, 0.0), (4.0, 0.0))])
-    none = walls_of(pieces, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(1), CONFIG)
+    none = walls_of(pieces, np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(1, np.int64), CONFIG)
     assert len(none) == 0
