@@ -112,7 +112,7 @@ def _ablation(preset: str | None, facets: dict[str, list[str]]) -> Ablation:
 def check_runs(ablation: Ablation) -> None:
     """Refuses, before anything runs, what no run of an ablation could use. Raises InputError."""
     from eval.detectors import make_detector, make_odometry
-    from sim.sensor import sensor_named
+    from sim.sensorfile import sensor_named
     from worlds.catalogue import load_scene
     from worlds.conditions import conditions_named
 
@@ -120,7 +120,8 @@ def check_runs(ablation: Ablation) -> None:
         load_scene(scene)
     for config in {replace(config, scene="SE1", seed=0) for config in ablation.configs}:
         sensor_named(config.sensor)
-        conditions_named(config.conditions)
+        if config.conditions is not None:
+            conditions_named(config.conditions)
         # A user's own parts only: ours are there, and slow to make.
         if ":" in config.detector:
             make_detector(config.detector)
