@@ -29,8 +29,8 @@ VERDICT_FILE = "verdict.json"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a scenario. runs: seed -> metrics; failures: seed -> what went wrong; checks:
-    every bound against every value; folder: what holds the files."""
+    """What came of a scenario. runs: seed -> metrics, of those that could be scored; failures:
+    seed -> what went wrong; checks: every bound against every value; folder: of the files."""
 
     scenario: Scenario
     runs: Mapping[int, Metrics]
@@ -66,7 +66,8 @@ def run_scenario(scenario: Scenario, watch: Watch) -> Outcome:
                     runs[config.seed] = run(config, progress).metrics
                 except RunError as error:
                     failures[config.seed] = str(error)
-                    runs[config.seed] = read_metrics(config.folder / "metrics.json")
+                    if (file := config.folder / "metrics.json").exists():
+                        runs[config.seed] = read_metrics(file)
             if len(scenario.seeds) > 1:
                 write_text(scenario.folder / TABLE_FILE, table_csv(runs))
     checks = check_bounds(scenario.bounds, runs)
@@ -82,13 +83,13 @@ def _claimed(scenario: Scenario) -> Iterator[None]:
     if len(scenario.seeds) == 1:
         yield
         return
-    folder, ours = scenario.folder, (scenario.folder / CONFIG_FILE).exists()
+    folder, made = scenario.folder, not scenario.folder.exists()
     clear_folder(folder)
     write_text(folder / CONFIG_FILE, batch_text(scenario))
     try:
         yield
     except InputError:
-        if not ours:
+        if made and [path.name for path in folder.iterdir()] == [CONFIG_FILE]:
             (folder / CONFIG_FILE).unlink()
             folder.rmdir()
         raise

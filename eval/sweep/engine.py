@@ -246,4 +246,4 @@ def simulated_seconds(config: RunConfig) -> float:
 @cache
 def _rooms(scene: str) -> int:
     """Rooms of a scene's largest storey."""
-    return max(len(storey.rooms) for storey in load_scene(scene).storeys)
+    return max(1, *(len(storey.rooms) for storey in load_scene(scene).storeys))

@@ -302,11 +302,18 @@ def test_a_sweep_killed_at_random_moments_ends_with_the_same_table(tmp_path: Pat
     command = [sys.executable, str(tmp_path / "main.py"), str(tmp_path / "killed")]
     environment = os.environ | {"PYTHONPATH": paths}
     rng = random.Random(7)
+    runs, kept = tmp_path / "killed" / "runs", 0
     for _ in range(10):
         process = subprocess.Popen(command, env=environment)
-        time.sleep(rng.uniform(0.2, 4.0))
+        wanted = kept + rng.randint(1, 4)
+        while len(list(runs.glob("*.json"))) < wanted:
+            assert process.poll() is None
+            time.sleep(0.02)
+        time.sleep(rng.uniform(0.0, 0.3))
         process.send_signal(signal.SIGKILL)
         process.wait()
+        assert len(list(runs.glob("*.json"))) >= wanted
+        kept = len(list(runs.glob("*.json")))
     assert subprocess.run(command, env=environment, check=False).returncode == 0
     sweep(configs(60, "sleep 0.25"), settings(tmp_path / "calm", workers=2))
     assert table(tmp_path / "killed") == table(tmp_path / "calm")
