@@ -49,7 +49,8 @@ def scenes(
         raise typer.BadParameter(f"expected one of {', '.join(options)}, got {' and '.join(asked)}")
     from eval.screen import our_warnings_only
 
-    our_warnings_only(Console(stderr=True))
+    screen = Console(stderr=True)
+    our_warnings_only(screen)
     console = Console()
     if sheet is not None:
         path = _draw_sheet(out or sheet, conditions, seed)
@@ -57,7 +58,10 @@ def scenes(
         config = RunConfig(
             str(show or truth), seed=seed, conditions=conditions, storey=storey, unit=unit, up=up
         )
-        path = _draw(config, out, route) if show is not None else _export(config, out)
+        world = _world(config)
+        if world.plan.notes:
+            screen.print(world.plan.notes, markup=False, highlight=False, soft_wrap=True)
+        path = _draw(config, world, out, route) if show else _export(config, world, out)
     else:
         _print_table(console)
         return
@@ -71,12 +75,11 @@ def _print_table(console: Console) -> None:
     console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))
 
 
-def _draw(config: RunConfig, out: Path | None, with_route: bool) -> Path:
+def _draw(config: RunConfig, world: World, out: Path | None, with_route: bool) -> Path:
     """Draws a scene as a run would meet it into a PNG file."""
     from sim.route import plan_route
     from worlds.picture import Details, scene_figure
 
-    world = _world(config)
     route = plan_route(world, config.storey, config.start) if with_route else None
     details = Details(route=None if route is None else route.points)
     title = f"{world.plan.name}, {_conditions(config, world)}, seed {config.seed}"
@@ -94,12 +97,11 @@ def _draw_sheet(path: Path, conditions: str | None, seed: int) -> Path:
     return _save(sheet_figure(worlds), path)
 
 
-def _export(config: RunConfig, out: Path | None) -> Path:
+def _export(config: RunConfig, world: World, out: Path | None) -> Path:
     """Writes the truth that a run of the same scene, seed and conditions is scored against."""
     from worlds.truthfile import TruthFile, write_truth
 
     path = out or Path(f"{Path(config.scene).stem}.truth.json")
-    world = _world(config)
     conditions = _conditions(config, world)
     write_truth(TruthFile(world.truth, config.scene, config.seed, conditions), path)
     return path

@@ -123,7 +123,7 @@ def test_a_file_can_be_drawn_with_its_unit_and_axis(tmp_path, capsys):
     command = ["scenes", "--show", str(tmp_path / "house.obj"), "--out", str(out)]
     assert main([*command, "--unit", "in", "--up", "y"]) == 0
     assert out.is_file()
-    assert "no room truth" in capsys.readouterr().out
+    assert "no room truth" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("name", "value"), [("unit", "furlong"), ("up", "x"), ("up", "Z up")])

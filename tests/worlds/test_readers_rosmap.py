@@ -11,7 +11,7 @@ from shapely import affinity
 
 from sim.route import plan_route
 from slam.core import InputError
-from worlds.catalogue import file_sha256
+from worlds.catalogue import scene_sha256
 from worlds.conditions import AS_BUILT
 from worlds.plan import UNLABELLED
 from worlds.readers import ReaderOptions, read_building
@@ -79,11 +79,11 @@ def test_labels_are_room_truth(colours, tmp_path):
 
 def test_what_was_run_is_named_by_the_images_too(tmp_path):
     path = labelled(tmp_path, ([1], [2]))
-    hashes = {file_sha256(path)}
+    hashes = {scene_sha256(str(path))}
     for name in ("floor.pgm", "rooms.png"):
         with (tmp_path / name).open("ab") as file:
             file.write(b" ")
-        hashes.add(file_sha256(path))
+        hashes.add(scene_sha256(str(path)))
     assert len(hashes) == 3
 
 
