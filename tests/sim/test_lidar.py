@@ -225,7 +225,9 @@ def test_glass_lets_most_shots_through_and_mirrors_those_that_meet_it_head_on():
         behind = truth.points_world[truth.geom == east]
         assert np.abs(behind[:, 0] - 6.0).max(initial=0.0) < 1e-3
         assert (
-            np.abs(np.abs(truth.points_world[on_pane][:, 0] - 4.995) - 0.005).max(initial=0.0)
+            np.abs(np.abs(truth.points_world[on_pane & through][:, 0] - 4.995) - 0.005).max(
+                initial=0.0
+            )
             < 1e-3
         )
     assert shares[0.0, 0.0] == [0.0, 0.0]
