@@ -15,7 +15,7 @@ from eval.detectors import DETECTORS, ODOMETRIES, check_name
 from eval.names import known, refuse
 
 LAYERS = ("planes", "rooms", "rooms+walls")
-FACTORS = ("paper",)
+FACTORS = ("paper", "informative")
 LOOPS = ("on", "off")
 
 

@@ -192,7 +192,7 @@ def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
 def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     """Last optimisation, last word of the detector, scores, files."""
     backend = parts.backend
-    backend.optimise(extra_iterations=3)
+    backend.finish()
     proposals = parts.detector.update(backend.view())
     record = RunRecord(
         keeper=parts.keeper,

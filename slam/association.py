@@ -20,7 +20,9 @@ class AssociationConfig:
     """chi2: largest squared statistical distance (three degrees of freedom) of an observation;
     angle [rad], distance [m]: never more than this apart; reach [m]: largest hole between their
     extents along the wall, which is less than the width of a corridor, and overlap [m]: largest
-    one in height, which is less than a storey's ceiling.
+    one in height, which is less than a storey's ceiling; extent [m]: of a floor or ceiling from
+    where it was first seen, beyond which it is another (a variable that every keyframe of a large
+    building hangs on would be solved again with each of them).
 
     model_angle, model_distance: standard deviations of what covariances do not know of, as walls
     are not flat and sensors not ideal; pose_angle, pose_distance: of the pose before it has been
@@ -36,6 +38,7 @@ class AssociationConfig:
     distance: float = 0.25
     reach: float = 1.0
     overlap: float = 0.2
+    extent: float = 40.0
     model_angle: float = np.radians(0.2)
     model_distance: float = 0.007
     pose_angle: float = np.radians(0.5)
@@ -45,7 +48,7 @@ class AssociationConfig:
     merge_chi2: float = 12.0
     merge_angle: float = np.radians(2.5)
     merge_distance: float = 0.06
-    merge_sigma: float = 0.010
+    merge_sigma: float = 0.012
 
 
 class PlaneBelief:

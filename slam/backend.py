@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import overload
 
 import numpy as np
@@ -29,16 +30,20 @@ from slam.core import (
 from slam.graph import GraphConfig, LayeredGraph, RoomNode, WallNode
 from slam.loops import Loop, LoopCloser, LoopConfig
 from slam.planemap import Observed, PlaneMap, PlaneMapConfig
+from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class BackEndConfig:
-    """layers: what enters the graph beside keyframes and planes; loops: None closes none;
+    """layers: what enters the graph beside keyframes and planes; factors: how it constrains the
+    planes, as published or by the relations too; loops: None closes none;
     merge_every: keyframes between two searches for planes that are one."""
 
     layers: str = "rooms+walls"
+    factors: str = "paper"
+    relations: RelationConfig = field(default_factory=RelationConfig)
     loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
     graph: GraphConfig = field(default_factory=GraphConfig)
@@ -62,6 +67,7 @@ class BackEnd:
         self._way = 0.0
         self._T_map_track = np.eye(4)
         self._failed = False
+        self._thicknesses = Thicknesses(config.relations)
         self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
     # --- one frame after the other ---
@@ -118,7 +124,10 @@ class BackEnd:
         self._planes.support(plane, observed, scan_index, T_map_base, self._way)
 
     def _merge(self) -> None:
-        pairs = self._planes.duplicates()
+        self._merge_pairs(self._planes.duplicates())
+
+    def _merge_pairs(self, pairs: list[tuple[int, int]]) -> None:
+        """Makes one plane of two: its observations move, what rested on the other is removed."""
         for kept, gone in pairs:
             for moved in self._planes.merge(kept, gone):
                 self._graph.reassign(moved.keyframe, kept, moved.observation, moved.place)
@@ -144,8 +153,17 @@ class BackEnd:
         """The loops that were closed."""
         return tuple(self._closer.loops)
 
-    def _drop_doubtful(self, keyframe: int) -> None:
-        for plane in self._planes.doubtful(keyframe):
+    def finish(self) -> None:
+        """The last word: planes that are one or were hardly seen, and the whole map solved."""
+        if self._failed or not self._keyframes:
+            return
+        self.optimise(whole=True)
+        self._merge_pairs(self._planes.duplicates(last=True))
+        self._drop_doubtful(len(self._keyframes) - 1, last=True)
+        self.optimise(extra_iterations=3)
+
+    def _drop_doubtful(self, keyframe: int, last: bool = False) -> None:
+        for plane in self._planes.doubtful(keyframe, last):
             observed = self._planes.drop(plane)
             self._graph.forget(observed.keyframe, observed.place)
             self._graph.drop_plane(plane)
@@ -159,6 +177,33 @@ class BackEnd:
         if self._config.layers == "rooms+walls":
             walls = {wall.id: w for wall in proposals.walls if (w := self._wall_node(wall))}
         self._graph.set_concepts(rooms, walls)
+        if self._config.factors == "informative":
+            self._merge_pairs(self._alike(rooms))
+            self._relate(rooms, walls)
+
+    def _alike(self, rooms: dict[int, RoomNode]) -> list[tuple[int, int]]:
+        """Pairs (kept, gone) of planes that their being of one room tells to be one."""
+        config = self._config.relations
+        pairs: list[tuple[int, int]] = []
+        for node in rooms.values() if config.merging else ():
+            for a, b in combinations(sorted(node.planes), 2):
+                used = {plane for pair in pairs for plane in pair}
+                if not {a, b} & used and self._planes.is_one_in_a_room(a, b, config.apart):
+                    pairs.append((a, b))
+        return pairs
+
+    def _relate(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
+        """Makes the graph hold what rooms and walls say about planes."""
+        config, normals = self._config.relations, self._estimates.normals
+        alive = self._estimates.alive
+        relations: set[Relation] = set()
+        for room in rooms.values():
+            planes = [plane for plane in room.planes if alive[plane]]
+            relations |= set(room_relations(planes, normals, config))
+        if config.thickness:
+            held = [(w.planes, w.centre) for w in walls.values() if alive[list(w.planes)].all()]
+            relations |= set(self._thicknesses.relations(held, normals, self._estimates.offsets))
+        self._graph.set_relations(relations, config)
 
     def _room_node(self, room: RoomProposal) -> RoomNode | None:
         planes = tuple(

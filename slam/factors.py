@@ -113,6 +113,62 @@ def wall_factor(
     return gtsam.CustomFactor(noise, [wall_key, *(key for key, _ in planes)], error)
 
 
+def parallel_factor(
+    first: PlaneKey, second: PlaneKey, axes: Array, same: bool, noise: gtsam.noiseModel.Base
+) -> gtsam.CustomFactor:
+    """Two planes are parallel, facing the same way or away from each other; two residuals [rad].
+
+    axes: (2, 3) two tangents of either plane as it was when the factor was made.
+    """
+    sign = 1.0 if same else -1.0
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
+        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = axes @ by_n1, -sign * axes @ by_n2
+        return axes @ (n1 - sign * n2)
+
+    return gtsam.CustomFactor(noise, [first[0], second[0]], error)
+
+
+def perpendicular_factor(
+    first: PlaneKey, second: PlaneKey, noise: gtsam.noiseModel.Base
+) -> gtsam.CustomFactor:
+    """Two planes are perpendicular; one residual, the cosine between them (about radians)."""
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
+        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = (n2 @ by_n1)[None], (n1 @ by_n2)[None]
+        return np.array([n1 @ n2])
+
+    return gtsam.CustomFactor(noise, [first[0], second[0]], error)
+
+
+def thickness_factor(
+    first: PlaneKey,
+    second: PlaneKey,
+    thickness_key: int,
+    point: Array,
+    noise: gtsam.noiseModel.Base,
+) -> gtsam.CustomFactor:
+    """A wall between two faces that look away from each other is as thick as a scalar variable
+    says; one residual [m]. point: (3,) between the faces, where the thickness is taken."""
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, d1, by_n1, by_d1 = plane_of(values, first)
+        n2, d2, by_n2, by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0] = -(point @ by_n1 + by_d1)[None]
+            jacobians[1] = -(point @ by_n2 + by_d2)[None]
+            jacobians[2] = np.array([[-1.0]])
+        return np.array([-((n1 + n2) @ point + d1 + d2) - values.atDouble(thickness_key)])
+
+    return gtsam.CustomFactor(noise, [first[0], second[0], thickness_key], error)
+
+
 def middle_shift(first: Plane, second: Plane, point: Array) -> tuple[Array, Array, Array]:
     """From ``point`` to the middle plane of two opposed planes, along their common normal.
 

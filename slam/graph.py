@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 
 from slam.charts import Chart
-from slam.core import Array, PlaneObservation, RunError
+from slam.core import Array, PlaneObservation, RunError, plane_axes
 from slam.estimates import Estimates
-from slam.factors import PlaneKey, keyframe_plane_factor, room_factor, wall_factor
+from slam.factors import (
+    PlaneKey,
+    keyframe_plane_factor,
+    parallel_factor,
+    perpendicular_factor,
+    room_factor,
+    thickness_factor,
+    wall_factor,
+)
 from slam.loops import Loop
+from slam.relations import Relation, RelationConfig
 
-KEYFRAME, PLANE, WALL, ROOM, FLOOR = "x", "p", "w", "r", "f"
+KEYFRAME, PLANE, WALL, ROOM, FLOOR, THICKNESS = "x", "p", "w", "r", "f", "t"
 
 
 @dataclass(frozen=True)
@@ -80,6 +89,7 @@ class LayeredGraph:
         self._removals: list[int] = []
         self._index: dict[Hashable, int] = {}
         self._concepts: dict[str, dict[int, RoomNode | WallNode]] = {ROOM: {}, WALL: {}}
+        self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
         self._read_at = 0
@@ -150,10 +160,7 @@ class LayeredGraph:
         """A later keyframe was found to be where an earlier one was. rotation [rad], translation
         [m]: standard deviations; a closure that nothing else agrees with counts little (Cauchy)."""
         sigmas = np.array([rotation] * 3 + [translation] * 3)
-        noise = gtsam.noiseModel.Robust.Create(
-            gtsam.noiseModel.mEstimator.Cauchy.Create(1.0),
-            gtsam.noiseModel.Diagonal.Sigmas(sigmas),
-        )
+        noise = _cauchy(gtsam.noiseModel.Diagonal.Sigmas(sigmas))
         earlier, later = (gtsam.symbol(KEYFRAME, k) for k in (loop.earlier, loop.later))
         T = gtsam.Pose3(loop.T_earlier_later)
         factor = gtsam.BetweenFactorPose3(earlier, later, T, noise)
@@ -223,6 +230,37 @@ class LayeredGraph:
         factor = gtsam.BetweenFactorPoint2(floor_key, key, centre[:2] - floor, noise)
         self._pending.append(((FLOOR, room), factor))
 
+    # --- relations ---
+
+    def set_relations(self, relations: Iterable[Relation], config: RelationConfig) -> None:
+        """Makes the graph hold exactly these relations between planes."""
+        wanted = set(relations)
+        for relation in self._relations - wanted:
+            self._remove(relation)
+        for relation in sorted(wanted - self._relations, key=lambda r: (r.kind, r.planes)):
+            self._pending.append((relation, self._relation_factor(relation, config)))
+        self._relations = wanted
+
+    def _forget_relations_of(self, plane: int) -> None:
+        gone = {relation for relation in self._relations if plane in relation.planes}
+        for relation in gone:
+            self._remove(relation)
+        self._relations -= gone
+
+    def _relation_factor(self, relation: Relation, config: RelationConfig) -> gtsam.NonlinearFactor:
+        first, second = (self._plane(plane) for plane in relation.planes)
+        if relation.kind == "thickness":
+            key = gtsam.symbol(THICKNESS, relation.group)
+            if not (self._isam.valueExists(key) or self._values.exists(key)):
+                self._values.insert(key, relation.value)
+            noise = _robust(1, config.spread)
+            return thickness_factor(first, second, key, relation.point, noise)
+        if relation.kind == "perpendicular":
+            return perpendicular_factor(first, second, _robust(1, config.angle))
+        n1, n2 = (self.estimates.normals[plane] for plane in relation.planes)
+        axes, same = np.stack(plane_axes(n1)), bool(n1 @ n2 > 0.0)
+        return parallel_factor(first, second, axes, same, _robust(2, config.angle))
+
     # --- estimates ---
 
     def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
@@ -291,6 +329,7 @@ class LayeredGraph:
         """A plane whose observations have all been removed or reassigned, and the rooms and walls
         that rest on it."""
         self.forget_concepts_of({plane})
+        self._forget_relations_of(plane)
         self.estimates.alive[plane] = False
         key = gtsam.symbol(PLANE, plane)
         if self._values.exists(key):
@@ -312,3 +351,12 @@ class LayeredGraph:
     def variable_count(self) -> int:
         """How many variables the solver holds."""
         return int(self._isam.getLinearizationPoint().size())
+
+
+def _robust(size: int, sigma: float) -> gtsam.noiseModel.Base:
+    return _cauchy(gtsam.noiseModel.Isotropic.Sigma(size, sigma))
+
+
+def _cauchy(noise: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:
+    """Residuals beyond a standard deviation count less and less."""
+    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(1.0), noise)

@@ -193,7 +193,8 @@ class PlaneMap:
         config, support = self._config.association, self._support[plane]
         chart = self._estimates.chart(plane)
         if abs(chart.frame[2, 2]) > 0.7:
-            return True
+            place = chart.place(points.mean(axis=0)[None])[0]
+            return float(np.hypot(*place)) < config.extent
         low, high = support.z_range
         if points[:, 2].min() > high - config.overlap or points[:, 2].max() < low + config.overlap:
             return False
@@ -240,23 +241,26 @@ class PlaneMap:
 
     # --- merging ---
 
-    def duplicates(self) -> list[tuple[int, int]]:
+    def duplicates(self, last: bool = False) -> list[tuple[int, int]]:
         """Pairs (kept, gone) of planes that are one: same side, coplanar where they meet. Looks at
-        planes that were observed since the last call."""
+        planes that were observed since the last call; the ``last`` time at all of them, however
+        well they are known, since nothing more will be."""
+        if last:
+            self._unchecked = set(self._support)
         pairs: list[tuple[int, int]] = []
         gone: set[int] = set()
         for plane in sorted(self._unchecked & self._support.keys()):
             normal, _ = self._estimates.plane(plane)
             middle = self._views[plane].points.mean(axis=0)
             for other in self._near(normal, middle).tolist():
-                if other == plane or {plane, other} & gone or not self._is_one(plane, other):
+                if other == plane or {plane, other} & gone or not self._is_one(plane, other, last):
                     continue
                 pairs.append((min(plane, other), max(plane, other)))
                 gone.add(max(plane, other))
         self._unchecked = set()
         return pairs
 
-    def _is_one(self, a: int, b: int) -> bool:
+    def _is_one(self, a: int, b: int, last: bool) -> bool:
         """Are two planes one, by what is known of both where the smaller one lies?"""
         config = self._config.association
         if self._support[a].shown < self._support[b].shown:
@@ -273,9 +277,23 @@ class PlaneMap:
         covariance = self._support[a].belief.covariance(place)
         covariance += self._support[b].belief.covariance(others)
         covariance += np.diag([config.model_angle**2] * 2 + [config.model_distance**2])
-        known = covariance[2, 2] < config.merge_sigma**2
+        known = last or covariance[2, 2] < config.merge_sigma**2
         close = statistical_distance(off, covariance) < config.merge_chi2
         return known and close and self._meets(a, points)
+
+    def is_one_in_a_room(self, a: int, b: int, apart: float) -> bool:
+        """Are two planes of one room one? Two surfaces that face the same way and overlap cannot
+        both be seen, unless one is furniture, which stands off by more than ``apart`` [m]."""
+        config = self._config.association
+        if self._support[a].shown < self._support[b].shown:
+            a, b = b, a
+        (normal, d), chart = self._estimates.plane(b), self._estimates.chart(a)
+        centroid = self._views[b].points.mean(axis=0)
+        centroid = centroid - (normal @ centroid + d) * normal
+        off = difference(chart, self._estimates.plane(a), normal, centroid)
+        near = np.hypot(off[0], off[1]) < config.merge_angle and abs(off[2]) < apart
+        along = chart.place(self._views[b].points)[:, 0]
+        return bool(near and self._support[a].stretches.gap(along) == 0.0)
 
     def merge(self, kept: int, gone: int) -> list[Observed]:
         """Moves all support of ``gone`` to ``kept``; returns the observations that moved."""
@@ -289,12 +307,14 @@ class PlaneMap:
         into.absorb(out)
         for keyframe in out.keyframes:
             self._of_keyframe[keyframe] = self._of_keyframe[keyframe] - {gone} | {kept}
-        self._unchecked.add(kept)
+        self._unchecked = self._unchecked - {gone} | {kept}
         return out.observed
 
-    def doubtful(self, keyframe: int) -> list[int]:
-        """Planes that only one keyframe saw, a while ago, and little of them."""
+    def doubtful(self, keyframe: int, last: bool = False) -> list[int]:
+        """Planes that only one keyframe saw, a while ago (at the ``last``: ever), and little of."""
         seen = self._of_keyframe.get(keyframe - self._config.doubt, set()) & self._support.keys()
+        if last:
+            seen = set(self._support)
         return sorted(plane for plane in seen if self._is_doubtful(self._support[plane]))
 
     def _is_doubtful(self, support: _Support) -> bool:

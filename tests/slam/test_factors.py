@@ -4,9 +4,16 @@ import pytest
 
 from slam.charts import Chart
 from slam.core import PlaneObservation, pose, so3_exp, transform_plane
-from slam.factors import keyframe_plane_factor, room_factor, wall_factor
+from slam.factors import (
+    keyframe_plane_factor,
+    parallel_factor,
+    perpendicular_factor,
+    room_factor,
+    thickness_factor,
+    wall_factor,
+)
 
-POSE, ROOM, PLANES = 0, 1, (10, 11, 12, 13)
+POSE, ROOM, PLANES, THICKNESS = 0, 1, (10, 11, 12, 13), 20
 
 
 def observation(normal, d, centroid):
@@ -40,6 +47,8 @@ def numeric_jacobian(factor, values, key, dimension, step=1e-6):
 def values_dimension(values, key):
     if key == POSE:
         return 6
+    if key == THICKNESS:
+        return 1
     return 3 if key in PLANES or key == 2 else 2
 
 
@@ -138,3 +147,46 @@ def test_room_and_wall_jacobians(seed):
     )
     check_jacobians(room, values)
     check_jacobians(wall_factor(2, planes[:2], point, gtsam.noiseModel.Unit.Create(3)), values)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("same", [True, False])
+def test_relation_jacobians(seed, same):
+    rng = np.random.default_rng(seed)
+    values = gtsam.Values()
+    first, second = (
+        add_plane(values, key, random_direction(rng), rng.normal(), rng) for key in PLANES[:2]
+    )
+    values.insert(THICKNESS, 0.1)
+    axes = rng.normal(size=(2, 3))
+    one, two = (gtsam.noiseModel.Isotropic.Sigma(size, 0.4) for size in (1, 2))
+    check_jacobians(parallel_factor(first, second, axes, same, two), values)
+    check_jacobians(perpendicular_factor(first, second, one), values)
+    point = rng.normal(size=3)
+    check_jacobians(thickness_factor(first, second, THICKNESS, point, one), values)
+
+
+def test_relations_are_zero_where_they_hold_and_metric_beside_it():
+    values = gtsam.Values()
+    east = add_plane(values, PLANES[0], (1, 0, 0), -0.1)
+    west = add_plane(values, PLANES[1], (-1, 0, 0), 0.0)
+    north = add_plane(values, PLANES[2], (0, np.cos(0.01), np.sin(0.01)), 0.0)
+    leaning = add_plane(values, PLANES[3], (np.cos(0.02), np.sin(0.02), 0), 0.0)
+    values.insert(THICKNESS, 0.09)
+    one, two = (gtsam.noiseModel.Unit.Create(size) for size in (1, 2))
+    axes = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    assert parallel_factor(east, west, axes, False, two).unwhitenedError(values) == pytest.approx(
+        [0.0, 0.0], abs=1e-9
+    )
+    assert parallel_factor(leaning, east, axes, True, two).unwhitenedError(values) == pytest.approx(
+        [0.02, 0.0], abs=1e-5
+    )
+    assert perpendicular_factor(east, north, one).unwhitenedError(values) == pytest.approx(
+        [0.0], abs=1e-9
+    )
+    assert perpendicular_factor(leaning, north, one).unwhitenedError(values) == pytest.approx(
+        [0.02], abs=1e-5
+    )
+    point = np.array([0.05, 1.0, 1.0])
+    error = thickness_factor(east, west, THICKNESS, point, one).unwhitenedError(values)
+    assert error == pytest.approx([0.01], abs=1e-9)
