@@ -53,15 +53,11 @@ def noise_of_run(folder: Path) -> Array:
     from eval.folder import read_config
     from eval.graphfile import PlaneNode, read_graph
     from eval.outputs import read_metrics
-    from worlds.catalogue import load_scene
-    from worlds.conditions import conditions_named
-    from worlds.world import build_world
+    from eval.source import make_world
 
     config, metrics = read_config(folder), read_metrics(folder / "metrics.json")
     graph = read_graph(folder / "graph.json")
-    seed = np.random.SeedSequence(config.seed).spawn(2)[0]
-    plan, conditions = load_scene(config.scene), conditions_named(config.conditions)
-    truth = build_world(plan, seed, conditions, config.storey or 0).truth
+    truth = make_world(config).truth
     planes = [
         Mapped(node.normal, node.d, node.segment, int(label.removeprefix("surface ")))
         for node in graph.nodes

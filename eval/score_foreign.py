@@ -46,7 +46,7 @@ def score_foreign(config: RunConfig, truth: Trajectory | None, foreign: Foreign)
     every room of the storey counts as entered. Raises InputError.
     """
     world = make_world(config)
-    metrics = _nothing(config)
+    metrics = _nothing(config, config.conditions or world.plan.conditions)
     T_world_map: Array = np.eye(4)
     if foreign.estimate is not None:
         metrics, T_world_map = _with_trajectory(metrics, foreign.estimate, truth)
@@ -60,14 +60,14 @@ def score_foreign(config: RunConfig, truth: Trajectory | None, foreign: Foreign)
     return metrics
 
 
-def _nothing(config: RunConfig) -> Metrics:
+def _nothing(config: RunConfig, conditions: str) -> Metrics:
     """Metrics of which nothing is scored yet."""
     values: dict[str, object] = {item.name: None for item in fields(Metrics)}
     values |= {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
     values |= {"room_latency_s": Latency(), "stages": Stages(), "versions": {}}
     values |= {"schema": SCHEMA, "status": "complete", "scene": config.scene, "seed": config.seed}
     values |= {"scene_sha256": scene_sha256(config.scene), "sensor": config.sensor}
-    values |= {"conditions": config.conditions}
+    values |= {"conditions": conditions}
     values |= dict.fromkeys(("detector", "layers", "factors", "odometry"), BY)
     return Metrics(**values)  # type: ignore[arg-type]
 

@@ -13,7 +13,7 @@ Option = typer.Option
 
 
 def record(
-    scene: Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")],
+    scene: Annotated[str, typer.Argument(help="A name of the catalogue, or a building's file.")],
     seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
     out: Annotated[
         Path | None, Option(help="The bag's folder, a new one (default: bags/SCENE-sN).")
@@ -26,8 +26,9 @@ def record(
     start: Annotated[str | None, Option(help="The room to start in.")] = None,
     sensor: Annotated[str, Option(help="Preset of the LiDAR, or a .toml file.")] = RunConfig.sensor,
     conditions: Annotated[
-        str, Option(help="How the world was built: as-built or ideal.")
-    ] = RunConfig.conditions,
+        str | None,
+        Option(help="How it is built, and what stands in it (default: as the scene says)."),
+    ] = None,
     labels: Annotated[
         bool, Option("--labels", help="Write labels.npz, the truth of every point, beside it.")
     ] = False,

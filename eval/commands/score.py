@@ -32,7 +32,9 @@ def score(
     truth: Annotated[File, Option(help="True base poses, TUM (default: the run's).")] = None,
     frame: Annotated[str, Option(help="Whose poses the trajectory has: base or lidar.")] = "base",
     seed: Annotated[int, Option(help="Of a scene as built.")] = RunConfig.seed,
-    conditions: Annotated[str, Option(help="How a scene was built.")] = RunConfig.conditions,
+    conditions: Annotated[
+        str | None, Option(help="How a scene was built (default: as it says).")
+    ] = None,
     storey: Annotated[int | None, Option(help="Of a scene, counted from 0.")] = None,
     out: Annotated[File, Option(help="Write metrics.json to this folder.")] = None,
 ) -> None:
