@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.view import view as view_run
+from eval.commands.view import watchers
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -22,6 +24,7 @@ app = typer.Typer(
 
 Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
 Option = typer.Option
+app.command("view")(view_run)
 
 
 def _names(names: Sequence[str]) -> str:
@@ -126,7 +129,7 @@ def run(
     with RunProgress(config.scene, screen) as progress:
         from eval.run import run as run_loop
 
-        result = run_loop(config, progress)
+        result = run_loop(config, progress, watchers=watchers(view, serve))
     show_result(Console(), result.metrics, result.folder)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -35,7 +35,16 @@ from worlds.world import World
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
 
-PACKAGES = ("roomloop", "mujoco", "kiss-icp", "open3d", "torch", "gtsam", "numpy")
+PACKAGES = (
+    "roomloop",
+    "mujoco",
+    "kiss-icp",
+    "open3d",
+    "torch",
+    "gtsam",
+    "numpy",
+    "rerun-sdk",
+)
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,10 @@ class _Clock:
         yield
         self.add(stage, time.perf_counter() - started)
 
+    def last(self) -> dict[str, float]:
+        """What each stage took when it last ran."""
+        return {stage: seconds[-1] for stage, seconds in self.seconds.items()}
+
     def stages(self) -> Stages:
         return Stages(**{name: StageTime.of(seconds) for name, seconds in self.seconds.items()})
 
@@ -83,8 +96,9 @@ def run(
     config: RunConfig,
     progress: Progress | None = None,
     truth_filter: TruthFilter | None = None,
+    watchers: Sequence[Sink] = (),
 ) -> RunResult:
-    """Runs a configuration and writes its folder.
+    """Runs a configuration and writes its folder; watchers are told what happens.
 
     truth_filter replaces every scan's truth on its way to the scoring (for the test that nothing
     else depends on it). Raises InputError before anything is written, and when what there was has
@@ -92,7 +106,7 @@ def run(
     """
     check_folder(config.folder)
     started = time.perf_counter()
-    parts = _wire(config, truth_filter)
+    parts = _wire(config, truth_filter, watchers)
     folder = claim_folder(config)
     clock = _Clock()
     startup_s = time.perf_counter() - started
@@ -114,7 +128,7 @@ def run(
     return RunResult(metrics, folder)
 
 
-def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
+def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequence[Sink]) -> _Parts:
     """Builds the world and makes every part. Raises InputError."""
     world = make_world(config)
     keeper = TruthKeeper(world.truth)
@@ -127,7 +141,7 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
         backend=BackEnd(BackEndConfig(layers=config.layers)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
-        sink=make_sink(config, config.folder),
+        sink=make_sink(config, config.folder, watchers),
     )
 
 
@@ -159,6 +173,7 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
             started = time.perf_counter()
             parts.backend.accept(proposals)
             clock.add("graph", graph_s + time.perf_counter() - started)
+            parts.sink.timed(step.frame.stamp, clock.last())
         if step.scan is not None:
             T_map_base, T_world_base = parts.backend.latest(), step.truth.T_world_base
             parts.sink.frame(step.frame, step.scan, T_map_base, T_world_base)

@@ -1,0 +1,120 @@
+"""The estimated scene graph, drawn layer above layer; only what changed is drawn again.
+
+Below ``world/map``: ``planes/ID`` where they are, and lifted above them ``walls/ID``, ``rooms/ID``
+and ``floor``, each joined to what it is made of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from eval.view import shapes
+from slam.core import Array, MapPlane, MapView, Proposals, RoomProposal, WallProposal
+
+Log = Callable[[str, Any], None]
+
+
+@dataclass(frozen=True)
+class LayerConfig:
+    """Heights of the layers' nodes above the map's floor [m], and how fine changes are told [m]."""
+
+    walls: float = 3.6
+    rooms: float = 6.0
+    floor: float = 9.0
+    change: float = 0.02
+
+
+class Layers:
+    """Draws answers of the detector over the map that they speak of."""
+
+    def __init__(self, log: Log, config: LayerConfig = LayerConfig()):
+        self._log = log
+        self._config = config
+        self._drawn: dict[str, Hashable] = {}
+
+    def draw(self, view: MapView, proposals: Proposals) -> None:
+        """The map as it is now; what is gone is cleared."""
+        planes = {plane.id: plane for plane in view.planes}
+        wanted: set[str] = set()
+        for plane in view.planes:
+            wanted.add(self._plane(plane))
+        for wall in proposals.walls:
+            if all(piece.plane_id in planes for piece in wall.pieces):
+                wanted.add(self._wall(wall, planes))
+        for room in proposals.rooms:
+            wanted.add(self._room(room, planes))
+        if proposals.rooms:
+            wanted.add(self._floor(proposals))
+        for gone in self._drawn.keys() - wanted:
+            self._log(gone, rr.Clear(recursive=True))
+        self._drawn = {entity: self._drawn[entity] for entity in wanted}
+
+    def _is_new(self, entity: str, state: Hashable) -> bool:
+        changed = self._drawn.get(entity) != state
+        self._drawn[entity] = state
+        return changed
+
+    def _grid(self, points: Array) -> bytes:
+        """Points on a grid as coarse as the changes that are told."""
+        return np.rint(np.asarray(points) / self._config.change).astype(np.int32).tobytes()
+
+    def _plane(self, plane: MapPlane) -> str:
+        entity = f"world/map/planes/{plane.id}"
+        strips = shapes.plane_strips(plane)
+        if self._is_new(entity, self._grid(np.vstack(strips))):
+            colour = shapes.GREY if plane.horizontal else shapes.colour_of(plane.id)
+            self._log(entity, shapes.lines(strips, colour))
+        return entity
+
+    def _wall(self, wall: WallProposal, planes: dict[int, MapPlane]) -> str:
+        entity = f"world/map/walls/{wall.id}"
+        first, second = wall.pieces
+        middles = [shapes.piece_middle(planes[p.plane_id], p) for p in wall.pieces]
+        if self._is_new(entity, self._grid(np.vstack([first.segment, second.segment, *middles]))):
+            spans = np.array([planes[piece.plane_id].z_range for piece in wall.pieces])
+            span = float(spans[:, 0].min()), float(spans[:, 1].max())
+            node = np.append(np.mean(middles, axis=0)[:2], self._config.walls)
+            grey = shapes.GREY
+            self._log(f"{entity}/slab", shapes.slab(first.segment, second.segment, span, grey))
+            self._log(f"{entity}/node", _node(node, 0.12, grey))
+            self._log(f"{entity}/edges", shapes.lines([[node, m] for m in middles], grey, 0.008))
+        return entity
+
+    def _room(self, room: RoomProposal, planes: dict[int, MapPlane]) -> str:
+        entity = f"world/map/rooms/{room.id}"
+        pieces = [piece for piece in room.pieces if piece.plane_id in planes]
+        ends = np.array([piece.segment for piece in pieces]).reshape(-1, 2)
+        outline = np.zeros((0, 2)) if room.polygon is None else room.polygon
+        corners = self._grid(np.vstack([outline, ends, room.centre[None]]))
+        if self._is_new(entity, (corners, round(room.confidence, 2))):
+            colour = shapes.colour_of(room.id)
+            node = np.append(room.centre, self._config.rooms)
+            label = f"room {room.id} ({room.confidence:.2f})"
+            self._log(f"{entity}/node", _node(node, 0.3, colour, label))
+            middles = [shapes.piece_middle(planes[p.plane_id], p) for p in pieces]
+            self._log(f"{entity}/edges", shapes.lines([[node, m] for m in middles], colour, 0.008))
+            sides = [shapes.rectangle(p.segment, planes[p.plane_id].z_range) for p in pieces]
+            self._log(f"{entity}/sides", shapes.lines(sides, colour, 0.03))
+            if len(outline):
+                self._log(f"{entity}/floor", shapes.floor_polygon(outline, 0.02, colour, 90))
+        return entity
+
+    def _floor(self, proposals: Proposals) -> str:
+        entity = "world/map/floor"
+        centres = np.array([room.centre for room in proposals.rooms])
+        if self._is_new(entity, self._grid(centres)):
+            node = np.append(centres.mean(axis=0), self._config.floor)
+            rooms = np.column_stack([centres, np.full(len(centres), self._config.rooms)])
+            self._log(f"{entity}/node", _node(node, 0.4, (226, 84, 164), "floor"))
+            self._log(f"{entity}/edges", shapes.lines([[node, r] for r in rooms], radius=0.012))
+        return entity
+
+
+def _node(at: Array, radius: float, colour: shapes.Colour, label: str | None = None) -> Any:
+    labels = None if label is None else [label]
+    return rr.Points3D([at], radii=[radius], colors=[colour], labels=labels, show_labels=True)
