@@ -100,6 +100,8 @@ def run(
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
     ] = None,
+    view: Annotated[bool, Option("--view", help="Watch it in a window; without --cache.")] = False,
+    serve: Annotated[bool, Option("--serve", help="Watch it in a browser; as --view.")] = False,
 ) -> None:
     """Drive through a scene, map it, and score the map."""
     config = RunConfig(

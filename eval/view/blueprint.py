@@ -16,13 +16,9 @@ def blueprint(truth: Truth | None) -> Any:
     low, high = _bounds(truth)
     middle = np.append((low + high) / 2.0, 0.0)
     size = float(max((high - low).max(), 6.0))
-    graph = _scene(
-        "Scene graph",
-        middle + np.array([0.0, 0.0, 2.5]),
-        size * np.array([0.0, -1.0, 0.85]),
-        (0, 0, 1),
-    )
-    above = _scene("From above", middle, np.array([0.0, 0.0, 1.25 * size]), (0, 1, 0))
+    aside, over = size * np.array([0.0, -1.0, 0.85]), np.array([0.0, 0.0, 1.25 * size])
+    graph = _scene("Scene graph", middle + np.array([0.0, 0.0, 2.5]), aside, (0, 0, 1))
+    above = _scene("From above", middle, over, (0, 1, 0))
     curves = [
         rrb.TimeSeriesView(origin="/plots/error", name="Position error so far [cm]"),
         rrb.TimeSeriesView(origin="/plots/found", name="Rooms and walls, right of found"),

@@ -59,14 +59,15 @@ class Layers:
         self._drawn[entity] = state
         return changed
 
-    def _grid(self, points: Array) -> bytes:
+    def _grid(self, *points: Array) -> bytes:
         """Points on a grid as coarse as the changes that are told."""
-        return np.rint(np.asarray(points) / self._config.change).astype(np.int32).tobytes()
+        flat = np.concatenate([np.ravel(part) for part in points])
+        return np.rint(flat / self._config.change).astype(np.int32).tobytes()
 
     def _plane(self, plane: MapPlane) -> str:
         entity = f"world/map/planes/{plane.id}"
         strips = shapes.plane_strips(plane)
-        if self._is_new(entity, self._grid(np.vstack(strips))):
+        if self._is_new(entity, self._grid(*strips)):
             colour = shapes.GREY if plane.horizontal else shapes.colour_of(plane.id)
             self._log(entity, shapes.lines(strips, colour))
         return entity
@@ -75,7 +76,7 @@ class Layers:
         entity = f"world/map/walls/{wall.id}"
         first, second = wall.pieces
         middles = [shapes.piece_middle(planes[p.plane_id], p) for p in wall.pieces]
-        if self._is_new(entity, self._grid(np.vstack([first.segment, second.segment, *middles]))):
+        if self._is_new(entity, self._grid(first.segment, second.segment, *middles)):
             spans = np.array([planes[piece.plane_id].z_range for piece in wall.pieces])
             span = float(spans[:, 0].min()), float(spans[:, 1].max())
             node = np.append(np.mean(middles, axis=0)[:2], self._config.walls)
@@ -90,7 +91,7 @@ class Layers:
         pieces = [piece for piece in room.pieces if piece.plane_id in planes]
         ends = np.array([piece.segment for piece in pieces]).reshape(-1, 2)
         outline = np.zeros((0, 2)) if room.polygon is None else room.polygon
-        corners = self._grid(np.vstack([outline, ends, room.centre[None]]))
+        corners = self._grid(outline, ends, room.centre)
         if self._is_new(entity, (corners, round(room.confidence, 2))):
             colour = shapes.colour_of(room.id)
             node = np.append(room.centre, self._config.rooms)

@@ -54,8 +54,8 @@ class Target(Protocol):
 class RecorderConfig:
     """What of a run is worth its bytes: every n-th scan, and of it every n-th point."""
 
-    scan_every: int = 3
-    point_every: int = 8
+    scan_every: int = 5
+    point_every: int = 12
 
 
 class Recorder:

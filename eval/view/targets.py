@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,6 @@ class ViewerTarget:
 
     def close(self, stream: Any) -> None:
         """Sends what is left, as far as the viewer takes it."""
-        try:
+        with suppress(RuntimeError, ValueError):  # of a closed viewer nobody misses the rest
             stream.flush(timeout_sec=self.PATIENCE_S)
-        except (RuntimeError, ValueError):
-            pass  # the viewer was closed: nobody misses the rest
         stream.disconnect()
