@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from shapely.geometry import Point
+import shapely
 
 from eval.trajectory import align
 from slam.core import Array, PlanePiece, Proposals, inverse, transform_points
-from worlds.truth import Face, Truth
+from worlds.truth import Truth
 
 ON_FACE = 0.15
 """A piece lies on a face if its middle is this close to it [m]."""
@@ -38,7 +38,16 @@ class Judge:
     """Follows the robot through the truth."""
 
     def __init__(self, truth: Truth):
-        self._truth = truth
+        self._rooms = truth.rooms
+        self._tree = shapely.STRtree([room.polygon for room in truth.rooms])
+        self._storeys = np.array([room.storey for room in truth.rooms], dtype=np.int64)
+        self._floors = truth.floors
+        faces = truth.faces
+        self._normals = np.array([face.normal for face in faces]).reshape(-1, 3)
+        self._starts = np.array([face.segment[0] for face in faces]).reshape(-1, 2)
+        self._runs = np.array([face.segment[1] - face.segment[0] for face in faces]).reshape(-1, 2)
+        self._face_ids = [face.id for face in faces]
+        self._walls = {frozenset(wall.faces) for wall in truth.walls}
         self._true: list[Array] = []
         self._estimated: list[Array] = []
         self._entered: set[int] = set()
@@ -51,46 +60,57 @@ class Judge:
         self._estimated.append(T_map_base[:3, 3].copy())
         self._true.append(T_world_base[:3, 3].copy())
 
-    def judge(self, proposals: Proposals, planes: dict[int, Array]) -> Judgement:
-        """An answer of the detector. planes: id -> normal (3,) in the map frame."""
+    def judge(self, proposals: Proposals, normals: dict[int, Array]) -> Judgement | None:
+        """An answer of the detector, or None before anything was seen.
+
+        normals: of the planes by id, (3,) in the map frame.
+        """
         if self._T_world_map is None:
-            return Judgement({}, frozenset(), 0, None)
-        self._enter()
+            return None
+        self._entered |= set(self._rooms_at(self._true[-1][None, :2])) - {None}
+        centres = [room.centre for room in proposals.rooms]
         rooms: dict[int, int | None] = {}
-        for room in proposals.rooms:
-            owner = self._room_at(self._world(room.centre))
+        for room, owner in zip(proposals.rooms, self._rooms_at(self._world(centres)), strict=True):
             rooms[room.id] = None if owner in rooms.values() else owner
         missed = frozenset(self._entered - {owner for owner in rooms.values() if owner is not None})
-        right = sum(self._is_wall(wall.pieces, planes) for wall in proposals.walls)
+        right = sum(self._is_wall(wall.pieces, normals) for wall in proposals.walls)
         return Judgement(rooms, missed, right, self._ate())
 
-    def _enter(self) -> None:
-        room = self._room_at(self._true[-1][:2])
-        if room is not None:
-            self._entered.add(room)
-
-    def _world(self, point: Array) -> Array:
+    def _world(self, points: list[Array]) -> Array:
+        """Points (2,) of the map as (N, 2) of the world."""
         assert self._T_world_map is not None
-        return transform_points(self._T_world_map, np.append(point, 0.0)[None])[0, :2]
+        flat = np.array(points).reshape(-1, 2)
+        level = np.column_stack([flat, np.zeros(len(flat))])
+        return transform_points(self._T_world_map, level)[:, :2]
 
-    def _room_at(self, point: Array) -> int | None:
-        where = Point(point)
-        return next((r.id for r in self._truth.rooms if r.polygon.covers(where)), None)
+    def _rooms_at(self, points: Array) -> list[int | None]:
+        """The true room at each of the points (N, 2), on the storey where the robot is."""
+        z = self._true[-1][2]
+        storey = min(self._floors, key=lambda floor: abs(floor.z_floor - z)).storey
+        found: list[int | None] = [None] * len(points)
+        for point, place in self._tree.query(shapely.points(points), predicate="covered_by").T:
+            if self._storeys[place] == storey and found[point] is None:
+                found[point] = self._rooms[place].id
+        return found
 
-    def _is_wall(self, pieces: tuple[PlanePiece, ...], planes: dict[int, Array]) -> bool:
-        found = [self._face_of(p.segment.mean(axis=0), planes.get(p.plane_id)) for p in pieces]
-        faces = {face.id for face in found if face is not None}
-        return any(set(wall.faces) == faces for wall in self._truth.walls)
+    def _is_wall(self, pieces: tuple[PlanePiece, ...], normals: dict[int, Array]) -> bool:
+        middles = self._world([piece.segment.mean(axis=0) for piece in pieces])
+        known = [normals.get(piece.plane_id) for piece in pieces]
+        found = [self._face_of(*pair) for pair in zip(middles, known, strict=True)]
+        return frozenset(found) in self._walls
 
-    def _face_of(self, middle: Array, normal: Array | None) -> Face | None:
-        if normal is None:
+    def _face_of(self, middle: Array, normal: Array | None) -> int | None:
+        """The true face nearest to a point (2,) of the world among those that face this way."""
+        if normal is None or not self._face_ids:
             return None
         assert self._T_world_map is not None
-        facing, at = self._T_world_map[:3, :3] @ normal, self._world(middle)
-        for face in self._truth.faces:
-            if facing @ face.normal > SAME_WAY and _beside(face, at) < ON_FACE:
-                return face
-        return None
+        off = self._starts - middle
+        length2 = np.maximum((self._runs**2).sum(axis=1), 1e-12)
+        share = np.clip(-(off * self._runs).sum(axis=1) / length2, 0.0, 1.0)
+        beside = np.hypot(*(off + share[:, None] * self._runs).T)
+        beside[self._normals @ (self._T_world_map[:3, :3] @ normal) < SAME_WAY] = np.inf
+        nearest = int(beside.argmin())
+        return self._face_ids[nearest] if beside[nearest] < ON_FACE else None
 
     def _ate(self) -> float | None:
         estimated, true = np.array(self._estimated), np.array(self._true)
@@ -99,11 +119,3 @@ class Judge:
             return None
         error = transform_points(T, estimated) - true
         return float(np.sqrt((error**2).sum(axis=1).mean()))
-
-
-def _beside(face: Face, point: Array) -> float:
-    """Distance in plan view [m]."""
-    start, end = face.segment
-    run = end - start
-    share = np.clip((point - start) @ run / max(float(run @ run), 1e-12), 0.0, 1.0)
-    return float(np.linalg.norm(start + share * run - point))

@@ -14,10 +14,10 @@ import numpy as np
 import rerun as rr
 
 from eval.view import shapes
-from eval.view.blueprint import blueprint
+from eval.view.blueprint import blueprint, bounds
 from eval.view.changes import Changes
 from eval.view.judge import Judge, Judgement
-from eval.view.layers import Layers
+from eval.view.layers import LayerConfig, Layers
 from eval.view.trail import Trail
 from slam.core import (
     POINT_ID_STRIDE,
@@ -25,6 +25,7 @@ from slam.core import (
     Frame,
     MapView,
     Proposals,
+    RoomProposal,
     Scan,
     inverse,
     transform_points,
@@ -39,7 +40,9 @@ TRUE_PATH, ESTIMATE, ODOMETRY = (150, 150, 150), (60, 120, 216), (140, 107, 177)
 
 
 class Target(Protocol):
-    """Where a stream goes."""
+    """Where a stream goes. tick_s: how long what is sent may wait for company [s]."""
+
+    tick_s: float
 
     def open(self, stream: Any, blueprint: Any) -> None:
         """Connects the stream, with the views that it opens with."""
@@ -79,7 +82,9 @@ class Recorder:
     def started(self, config: RunConfig, truth: Truth | None) -> None:
         """Opens the stream, sends the views, and draws the truth."""
         name = f"{config.scene}-{config.detector}-s{config.seed}"
-        self._stream = rr.RecordingStream("roomloop", recording_id=name)
+        batches = rr.ChunkBatcherConfig(flush_tick=self._target.tick_s)
+        self._stream = rr.RecordingStream("roomloop", recording_id=name, batcher_config=batches)
+        self._layers = Layers(self._log, LayerConfig(scale=_scale(truth)))
         self._target.open(self._stream, blueprint(truth))
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         self._static("world/map", shapes.palette())
@@ -90,7 +95,7 @@ class Recorder:
 
     def _draw_truth(self, truth: Truth) -> None:
         parts = [(part, face.z_range) for face in truth.faces for part in face.parts]
-        walls = shapes.upright([part for part, _ in parts], [span for _, span in parts], 40)
+        walls = shapes.upright([part for part, _ in parts], [span for _, span in parts], 16)
         self._static("world/truth/walls", walls)
         feet = [shapes.rectangle(part, (span[0], span[0]))[:2] for part, span in parts]
         self._static("world/truth/plan", shapes.lines(feet, (110, 110, 110), 0.01))
@@ -136,7 +141,9 @@ class Recorder:
             self._log("events", rr.TextLog(event, level=rr.TextLogLevel.INFO))
         if self._judge is not None:
             normals = {plane.id: plane.normal for plane in view.planes}
-            self._draw_judgement(self._judge.judge(proposals, normals), proposals)
+            judgement = self._judge.judge(proposals, normals)
+            if judgement is not None:
+                self._draw_judgement(judgement, proposals)
 
     def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
         """Curves of the milliseconds by stage."""
@@ -170,9 +177,9 @@ class Recorder:
     def _draw_judgement(self, judgement: Judgement, proposals: Proposals) -> None:
         """Curves against the truth, and what is wrong (hide ``judgement`` to see without)."""
         wrong = [
-            _closed(room.polygon, 0.05)
+            _closed(_outline(room), 0.05)
             for room in proposals.rooms
-            if room.polygon is not None and judgement.rooms.get(room.id) is None
+            if judgement.rooms.get(room.id) is None
         ]
         self._log("world/map/judgement/false", shapes.lines(wrong, FALSE, 0.06))
         assert self._truth is not None
@@ -184,10 +191,10 @@ class Recorder:
         ]
         self._log("world/truth/judgement/missed", shapes.lines(missed, MISSED, 0.06))
         right = sum(owner is not None for owner in judgement.rooms.values())
-        self._scalar("found/rooms found", len(proposals.rooms))
-        self._scalar("found/rooms right", right)
-        self._scalar("found/walls found", len(proposals.walls))
-        self._scalar("found/walls right", judgement.walls_right)
+        self._scalar("found/rooms_found", len(proposals.rooms))
+        self._scalar("found/rooms_right", right)
+        self._scalar("found/walls_found", len(proposals.walls))
+        self._scalar("found/walls_right", judgement.walls_right)
         if judgement.ate is not None:
             self._scalar("error/ATE", 100.0 * judgement.ate)
 
@@ -204,6 +211,19 @@ class Recorder:
 
     def _static(self, entity: str, what: Any) -> None:
         self._stream.log(entity, what, static=True)
+
+
+def _scale(truth: Truth | None) -> float:
+    """Of heights and nodes: 1 up to 25 m, then as the building grows, up to 3."""
+    low, high = bounds(truth)
+    return float(np.clip((high - low).max() / 25.0, 1.0, 3.0))
+
+
+def _outline(room: RoomProposal) -> Array:
+    """(K, 2) of a room; a square metre about its centre where it has none."""
+    if room.polygon is not None:
+        return room.polygon
+    return room.centre + 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 def _closed(polygon: Array, z: float) -> Array:

@@ -16,6 +16,8 @@ from slam.core import Array, MapPlane, PlanePiece
 Colour = tuple[int, int, int]
 
 GREY: Colour = (150, 150, 150)
+FAINT: Colour = (70, 70, 74)
+PINK: Colour = (226, 84, 164)
 COLOURS = 12
 NO_ROOM = 0
 """Class of what belongs to no room; 1 to ``COLOURS`` are rooms and planes, in turn."""
@@ -56,7 +58,9 @@ def lines(strips: Sequence[Any], colour: Colour = GREY, radius: float = 0.015) -
 
 
 def floor_polygon(polygon: Array, z: float, colour: Colour, alpha: int) -> Any:
-    """A translucent polygon (K, 2) at a height. One that crosses itself is mended."""
+    """A translucent polygon (K, 2) at a height, or nothing (K < 3). Mended if it crosses itself."""
+    if len(polygon) < 3:
+        return _mesh(np.zeros((0, 3)), colour, alpha)
     outline = shapely.make_valid(Polygon(polygon))
     parts = [part for part in shapely.get_parts(outline) if isinstance(part, Polygon)]
     triangles = [
@@ -98,11 +102,14 @@ def plane_strips(plane: MapPlane) -> list[Array]:
 
 
 def plane_outline(plane: MapPlane) -> Array:
-    """(5, 3) closed: an upright plane's rectangle, a level one's bounding box."""
+    """(5, 3) closed: an upright plane's rectangle, a level one's along its longest extent."""
     if not plane.horizontal:
         return rectangle(plane.segment, plane.z_range)
-    low, high = np.percentile(plane.points[:, :2], [1.0, 99.0], axis=0)
-    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
+    middle = plane.points[:, :2].mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov(plane.points[:, :2].T))
+    low, high = np.percentile((plane.points[:, :2] - middle) @ axes, [1.0, 99.0], axis=0)
+    along = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
+    corners = middle + along @ axes.T
     z = -(plane.d + corners @ plane.normal[:2]) / plane.normal[2]
     return np.column_stack([corners, z])
 

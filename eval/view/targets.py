@@ -10,6 +10,9 @@ from typing import Any
 class FileTarget:
     """A recording (.rrd)."""
 
+    tick_s = 10.0
+    """Many rows in one piece: a third of the bytes."""
+
     def __init__(self, path: Path):
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
@@ -27,6 +30,8 @@ class FileTarget:
 
 class ViewerTarget:
     """A viewer that listens at a rerun address."""
+
+    tick_s = 0.1
 
     PATIENCE_S = 5.0
     """How long the end of a run waits for a viewer that is slow, or gone."""

@@ -64,6 +64,13 @@ def open_page(path: Path | None = None) -> Viewer:
     return _started([*files, *options], port, page)
 
 
+def open_unseen(path: Path, size: tuple[int, int] = (1600, 900)) -> Viewer:
+    """A viewer without a window, to take pictures with. Raises ViewerError."""
+    port = free_port(9876)
+    shape = f"{size[0]}x{size[1]}"
+    return _started([str(path), "--port", str(port), "--headless", "--window-size", shape], port)
+
+
 def free_port(wanted: int) -> int:
     """The wanted port of the loopback address, or any free one."""
     for port in (wanted, 0):
