@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.report import report
 from eval.commands.view import view as view_run
 from eval.commands.view import watchers
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
@@ -25,6 +26,7 @@ app = typer.Typer(
 Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
 Option = typer.Option
 app.command("view")(view_run)
+app.command("report")(report)
 
 
 def _names(names: Sequence[str]) -> str:

@@ -21,6 +21,7 @@ RUN_FILES = (
     "map.ply",
     "graph.json",
     "plan.png",
+    "report.html",
     "recording.rrd",
 )
 

@@ -19,6 +19,7 @@ from eval.labels import TruthKeeper
 from eval.metrics import Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
+from eval.report.run import write_report
 from eval.scenegraph import scene_graph
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
@@ -220,6 +221,7 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
     plan_png(record, scores, folder / "plan.png")
     write_metrics(metrics, folder / "metrics.json")
+    write_report(folder)
     return metrics
 
 

@@ -11,6 +11,9 @@ from typing import Any
 from eval.view.viewers import ViewerError, open_unseen
 
 LOAD_S = 30.0
+PATIENCE = 4
+"""Times that the viewer, which gives up after 15 s, is asked for one picture."""
+
 SETTLE_S = 2.0
 """What the viewer gets to draw a moment, and to take its notices away."""
 
@@ -31,7 +34,7 @@ def take(
     try:
         client = _loaded(viewer.address, recording)
         return [_take(client, shot, max(size)) for shot in shots]
-    except RuntimeError as error:
+    except (RuntimeError, TimeoutError) as error:
         raise ViewerError(f"{recording}: no picture could be taken: {error}") from error
     finally:
         viewer.stop()
@@ -56,4 +59,9 @@ def _take(client: Any, shot: Shot, longest: int) -> bytes:
         client.set_time("sim_time", duration=shot.moment, play_state="paused")
     ids = {view.name: view.view_id for view in client.get_state().views}
     time.sleep(SETTLE_S)
+    for _ in range(PATIENCE - 1):
+        try:
+            return bytes(client.take_screenshot(ids.get(shot.view), max_size=longest))
+        except TimeoutError:  # a busy machine draws slowly without a graphics card
+            continue
     return bytes(client.take_screenshot(ids.get(shot.view), max_size=longest))
