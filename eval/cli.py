@@ -14,9 +14,12 @@ from eval.commands.bench import app as bench
 from eval.commands.calibrate import calibrate
 from eval.commands.compare import compare
 from eval.commands.record import record
+from eval.commands.report import report
 from eval.commands.scenes import Unit, Up, scenes
 from eval.commands.score import score
 from eval.commands.train import train
+from eval.commands.view import view as view_run
+from eval.commands.view import watchers
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
@@ -41,6 +44,8 @@ Scene = Annotated[
 ]
 Option = typer.Option
 app.command()(scenes)
+app.command("view")(view_run)
+app.command()(report)
 app.command()(record)
 app.command()(calibrate)
 
@@ -101,11 +106,15 @@ def run(
     ] = None,
     unit: Unit = None,
     up: Up = None,
+    view: Annotated[bool, Option("--view", help="Watch it in a window; without --cache.")] = False,
+    serve: Annotated[bool, Option("--serve", help="Watch it in a browser; as --view.")] = False,
 ) -> int:
     """Drive through a scene, map it, and score the map."""
     if seeds is not None or scene.endswith(".toml"):
         from eval.commands.scenario import run_command
 
+        if view or serve:
+            raise typer.BadParameter("--view and --serve are for single runs")
         return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,
@@ -140,7 +149,7 @@ def run(
     with RunProgress(config.scene, screen) as progress:
         from eval.run import run as run_loop
 
-        result = run_loop(config, progress)
+        result = run_loop(config, progress, watchers=watchers(view, serve))
     show_result(Console(), result.metrics, result.folder)
     return 0
 

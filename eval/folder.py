@@ -22,6 +22,7 @@ RUN_FILES = (
     "map.ply",
     "graph.json",
     "plan.png",
+    "report.html",
     "recording.rrd",
     "table.csv",
     "verdict.json",

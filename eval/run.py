@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +21,7 @@ from eval.labels import TruthKeeper
 from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
+from eval.report.run import write_report
 from eval.scenegraph import scene_graph
 from eval.score_loops import score_loops
 from eval.score_map import SurfaceDistance
@@ -37,7 +38,16 @@ from slam.loops import LoopConfig
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
 
-PACKAGES = ("roomloop", "mujoco", "kiss-icp", "open3d", "torch", "gtsam", "numpy")
+PACKAGES = (
+    "roomloop",
+    "mujoco",
+    "kiss-icp",
+    "open3d",
+    "torch",
+    "gtsam",
+    "numpy",
+    "rerun-sdk",
+)
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,10 @@ class _Clock:
         yield
         self.add(stage, time.perf_counter() - started)
 
+    def last(self) -> dict[str, float]:
+        """What each stage took when it last ran."""
+        return {stage: seconds[-1] for stage, seconds in self.seconds.items()}
+
     def stages(self) -> Stages:
         return Stages(**{name: StageTime.of(seconds) for name, seconds in self.seconds.items()})
 
@@ -85,8 +99,9 @@ def run(
     config: RunConfig,
     progress: Progress | None = None,
     truth_filter: TruthFilter | None = None,
+    watchers: Sequence[Sink] = (),
 ) -> RunResult:
-    """Runs a configuration and writes its folder.
+    """Runs a configuration and writes its folder; watchers are told what happens.
 
     truth_filter replaces every scan's truth on its way to the scoring (for the test that nothing
     else depends on it). Raises InputError before anything is written, and when what there was has
@@ -94,7 +109,7 @@ def run(
     """
     check_folder(config.folder)
     started = time.perf_counter()
-    parts = _wire(config, truth_filter)
+    parts = _wire(config, truth_filter, watchers)
     folder = claim_folder(config)
     clock = _Clock()
     startup_s = time.perf_counter() - started
@@ -116,7 +131,7 @@ def run(
     return RunResult(metrics, folder)
 
 
-def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
+def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequence[Sink]) -> _Parts:
     """Builds the place and makes every part. Raises InputError."""
     place = make_place(config)
     keeper = TruthKeeper(UNKNOWN if place.truth is None else place.truth)
@@ -129,7 +144,7 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None) -> _Parts:
         backend=BackEnd(back_end_config(config)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
-        sink=make_sink(config, config.folder),
+        sink=make_sink(config, config.folder, watchers),
     )
 
 
@@ -166,6 +181,7 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
             started = time.perf_counter()
             parts.backend.accept(proposals)
             clock.add("graph", graph_s + time.perf_counter() - started)
+            parts.sink.timed(step.frame.stamp, clock.last())
         if step.scan is not None:
             known = bool(np.isfinite(step.truth.T_world_base).all())
             T_world_base = step.truth.T_world_base if known else None
@@ -215,6 +231,7 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
     plan_png(record, scores, folder / "plan.png")
     write_metrics(metrics, folder / "metrics.json")
+    write_report(folder)
     return metrics
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from eval.recording import RecordingSink
 from slam.core import Array, Frame, MapView, Proposals, Scan
 from worlds.truth import Truth
 
@@ -31,6 +30,10 @@ class Sink(Protocol):
         """A keyframe went through: the map after its optimisation, and what the detector says."""
         ...
 
+    def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
+        """What each stage took of the scan that was just told of [s]."""
+        ...
+
     def finished(self) -> None:
         """The run is over; files are completed here."""
         ...
@@ -48,6 +51,9 @@ class NullSink:
         """Ignored."""
 
     def updated(self, view: MapView, proposals: Proposals) -> None:
+        """Ignored."""
+
+    def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
         """Ignored."""
 
     def finished(self) -> None:
@@ -77,12 +83,22 @@ class Sinks:
         for sink in self._sinks:
             sink.updated(view, proposals)
 
+    def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.timed(stamp, seconds)
+
     def finished(self) -> None:
         """Passed on."""
         for sink in self._sinks:
             sink.finished()
 
 
-def make_sink(config: RunConfig, folder: Path) -> Sink:
-    """What the configuration asks for, writing to the run's folder."""
-    return RecordingSink(folder / "recording.rrd") if config.save else NullSink()
+def make_sink(config: RunConfig, folder: Path, watchers: Sequence[Sink] = ()) -> Sink:
+    """What the configuration asks for, writing to the run's folder, and whoever else watches."""
+    if not config.save:
+        return Sinks(watchers) if watchers else NullSink()
+    from eval.view.recorder import Recorder
+    from eval.view.targets import FileTarget
+
+    return Sinks([Recorder(FileTarget(folder / "recording.rrd")), *watchers])

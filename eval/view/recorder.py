@@ -1,0 +1,231 @@
+"""A run as a rerun recording: the scene graph as it grows, over the truth.
+
+The entity tree is the scene graph: ``world/truth/...`` in the world frame, and everything estimated
+below ``world/map``, which is placed by the first true pose. Timelines: ``sim_time``, ``keyframe``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import rerun as rr
+
+from eval.view import shapes
+from eval.view.blueprint import blueprint, bounds
+from eval.view.changes import Changes
+from eval.view.judge import Judge, Judgement
+from eval.view.layers import LayerConfig, Layers
+from eval.view.trail import Trail
+from slam.core import (
+    POINT_ID_STRIDE,
+    Array,
+    Frame,
+    MapView,
+    Proposals,
+    RoomProposal,
+    Scan,
+    inverse,
+    transform_points,
+)
+from worlds.truth import Truth
+
+if TYPE_CHECKING:
+    from eval.config import RunConfig
+
+FALSE, MISSED = (215, 48, 39), (253, 174, 97)
+TRUE_PATH, ESTIMATE, ODOMETRY = (150, 150, 150), (60, 120, 216), (140, 107, 177)
+
+
+class Target(Protocol):
+    """Where a stream goes. tick_s: how long what is sent may wait for company [s]."""
+
+    tick_s: float
+
+    def open(self, stream: Any, blueprint: Any) -> None:
+        """Connects the stream, with the views that it opens with."""
+        ...
+
+    def close(self, stream: Any) -> None:
+        """Lets go of the stream; whatever was sent is there afterwards."""
+        ...
+
+
+@dataclass(frozen=True)
+class RecorderConfig:
+    """What of a run is worth its bytes: every n-th scan, and of it every n-th point."""
+
+    scan_every: int = 5
+    point_every: int = 12
+
+
+class Recorder:
+    """A sink that draws into a rerun stream."""
+
+    def __init__(self, target: Target, config: RecorderConfig = RecorderConfig()):
+        self._target = target
+        self._config = config
+        self._stream: Any = None
+        self._frames = 0
+        self._layers = Layers(self._log)
+        self._changes = Changes()
+        self._judge: Judge | None = None
+        self._truth: Truth | None = None
+        self._trails = {
+            "world/truth/path": Trail(TRUE_PATH),
+            "world/map/path": Trail(ESTIMATE),
+            "world/map/odometry": Trail(ODOMETRY),
+        }
+
+    def started(self, config: RunConfig, truth: Truth | None) -> None:
+        """Opens the stream, sends the views, and draws the truth."""
+        name = f"{config.scene}-{config.detector}-s{config.seed}"
+        batches = rr.ChunkBatcherConfig(flush_tick=self._target.tick_s)
+        self._stream = rr.RecordingStream("roomloop", recording_id=name, batcher_config=batches)
+        self._layers = Layers(self._log, LayerConfig(scale=_scale(truth)))
+        self._target.open(self._stream, blueprint(truth))
+        self._static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        self._static("world/map", shapes.palette())
+        self._static("world/map/robot/body", shapes.body(ESTIMATE))
+        if truth is not None:
+            self._truth, self._judge = truth, Judge(truth)
+            self._draw_truth(truth)
+
+    def _draw_truth(self, truth: Truth) -> None:
+        parts = [(part, face.z_range) for face in truth.faces for part in face.parts]
+        walls = shapes.upright([part for part, _ in parts], [span for _, span in parts], 16)
+        self._static("world/truth/walls", walls)
+        feet = [shapes.rectangle(part, (span[0], span[0]))[:2] for part, span in parts]
+        self._static("world/truth/plan", shapes.lines(feet, (110, 110, 110), 0.01))
+        heights = {floor.storey: floor.z_floor for floor in truth.floors}
+        inside = [(room, room.polygon.representative_point()) for room in truth.rooms]
+        at = [[point.x, point.y, heights[room.storey]] for room, point in inside]
+        names = [room.name for room, _ in inside]
+        label = rr.Points3D(at, labels=names, colors=[(110, 110, 110)], radii=0.03)
+        self._static("world/truth/rooms", label)
+        self._static("world/truth/robot/body", shapes.body(TRUE_PATH))
+
+    def frame(
+        self, frame: Frame, scan: Scan, T_map_base: Array, T_world_base: Array | None = None
+    ) -> None:
+        """The robot where it is thought to be and where it is, and some of what it sees."""
+        if self._frames == 0:
+            T_world_map = np.eye(4) if T_world_base is None else T_world_base @ inverse(T_map_base)
+            self._static("world/map", shapes.transform(T_world_map))
+        self._stream.set_time("sim_time", duration=frame.stamp)
+        self._log("world/map/robot", shapes.transform(T_map_base))
+        if T_world_base is not None:
+            self._log("world/truth/robot", shapes.transform(T_world_base))
+            if self._judge is not None:
+                self._judge.see(T_map_base, T_world_base)
+        if self._frames % self._config.scan_every == 0:
+            points = transform_points(scan.T_base_lidar, scan.points[:: self._config.point_every])
+            self._log(
+                "world/map/robot/scan", rr.Points3D(points, radii=-1.0, colors=[(90, 90, 90)])
+            )
+            self._extend("world/map/odometry", frame.T_odom_base)
+            self._extend("world/map/path", T_map_base)
+            if T_world_base is not None:
+                self._extend("world/truth/path", T_world_base)
+        self._frames += 1
+
+    def updated(self, view: MapView, proposals: Proposals) -> None:
+        """The map as it is now; what was retracted is cleared."""
+        self._stream.set_time("sim_time", duration=view.stamp)
+        self._stream.set_time("keyframe", sequence=len(view.keyframes) - 1)
+        self._draw_keyframe(view)
+        self._layers.draw(view, proposals)
+        for event in self._changes.of(proposals):
+            self._log("events", rr.TextLog(event, level=rr.TextLogLevel.INFO))
+        if self._judge is not None:
+            normals = {plane.id: plane.normal for plane in view.planes}
+            judgement = self._judge.judge(proposals, normals)
+            if judgement is not None:
+                self._draw_judgement(judgement, proposals)
+
+    def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
+        """Curves of the milliseconds by stage."""
+        self._stream.set_time("sim_time", duration=stamp)
+        for stage, value in seconds.items():
+            self._log(f"plots/ms/{stage}", rr.Scalars(1000.0 * value))
+
+    def finished(self) -> None:
+        """Hands everything over and lets the target go."""
+        if self._stream is not None:
+            self._target.close(self._stream)
+            self._stream = None
+
+    def _draw_keyframe(self, view: MapView) -> None:
+        """The last keyframe's returns, coloured by mapped plane, and its edges to those planes."""
+        keyframe = view.keyframes[-1] if view.keyframes else None
+        if keyframe is None:
+            return
+        seen = [p for p in view.planes if keyframe.id in p.keyframes]
+        points, classes = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+        for plane in seen:
+            mine = plane.points[plane.point_ids // POINT_ID_STRIDE == keyframe.scan_index]
+            points.append(mine)
+            classes.append(np.full(len(mine), shapes.class_of(plane.id)))
+        cloud = rr.Points3D(np.vstack(points), class_ids=np.concatenate(classes), radii=-2.0)
+        self._log("world/map/returns", cloud)
+        at = keyframe.T_map_base[:3, 3]
+        edges = [[at, shapes.plane_middle(plane)] for plane in seen]
+        self._log("world/map/observations", shapes.lines(edges, (120, 120, 120), 0.005))
+
+    def _draw_judgement(self, judgement: Judgement, proposals: Proposals) -> None:
+        """Curves against the truth, and what is wrong (hide ``judgement`` to see without)."""
+        wrong = [
+            _closed(_outline(room), 0.05)
+            for room in proposals.rooms
+            if judgement.rooms.get(room.id) is None
+        ]
+        self._log("world/map/judgement/false", shapes.lines(wrong, FALSE, 0.06))
+        assert self._truth is not None
+        heights = {floor.storey: floor.z_floor for floor in self._truth.floors}
+        missed = [
+            _closed(np.array(room.polygon.exterior.coords[:-1]), heights[room.storey] + 0.05)
+            for room in self._truth.rooms
+            if room.id in judgement.missed
+        ]
+        self._log("world/truth/judgement/missed", shapes.lines(missed, MISSED, 0.06))
+        right = sum(owner is not None for owner in judgement.rooms.values())
+        self._scalar("found/rooms_found", len(proposals.rooms))
+        self._scalar("found/rooms_right", right)
+        self._scalar("found/walls_found", len(proposals.walls))
+        self._scalar("found/walls_right", judgement.walls_right)
+        if judgement.ate is not None:
+            self._scalar("error/ATE", 100.0 * judgement.ate)
+
+    def _scalar(self, name: str, value: float) -> None:
+        self._log(f"plots/{name}", rr.Scalars(float(value)))
+
+    def _extend(self, entity: str, pose: Array) -> None:
+        trail = self._trails[entity]
+        trail.add(pose[:3, 3])
+        self._log(f"{entity}/{trail.part}", trail.strip())
+
+    def _log(self, entity: str, what: Any) -> None:
+        self._stream.log(entity, what)
+
+    def _static(self, entity: str, what: Any) -> None:
+        self._stream.log(entity, what, static=True)
+
+
+def _scale(truth: Truth | None) -> float:
+    """Of heights and nodes: 1 up to 25 m, then as the building grows, up to 3."""
+    low, high = bounds(truth)
+    return float(np.clip((high - low).max() / 25.0, 1.0, 3.0))
+
+
+def _outline(room: RoomProposal) -> Array:
+    """(K, 2) of a room; a square metre about its centre where it has none."""
+    if room.polygon is not None:
+        return room.polygon
+    return room.centre + 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+def _closed(polygon: Array, z: float) -> Array:
+    ring = np.vstack([polygon, polygon[:1]])
+    return np.column_stack([ring, np.full(len(ring), z)])
