@@ -241,6 +241,11 @@ class LayeredGraph:
             self._pending.append((relation, self._relation_factor(relation, config)))
         self._relations = wanted
 
+    @property
+    def relations(self) -> frozenset[Relation]:
+        """The relations that the graph holds."""
+        return frozenset(self._relations)
+
     def _forget_relations_of(self, plane: int) -> None:
         gone = {relation for relation in self._relations if plane in relation.planes}
         for relation in gone:
