@@ -132,6 +132,17 @@ def test_rooms_and_walls_enter_the_graph_and_leave_it(frames):
     assert graph.variable_count() == size - 2
 
 
+def test_a_room_may_come_back_before_the_graph_has_let_it_go(frames):
+    backend = run(frames[0], proposals=room_of)
+    size = backend.graph().variable_count()
+    again = room_of(backend.view())
+    backend.accept(Proposals())
+    backend.accept(again)
+    backend.optimise(whole=True)
+    assert set(backend.graph().concept_planes("r")) == {0}
+    assert backend.graph().variable_count() == size
+
+
 @pytest.mark.parametrize(("layers", "rooms", "walls"), [("planes", 0, 0), ("rooms", 1, 0)])
 def test_layers_say_what_enters_the_graph(frames, layers, rooms, walls):
     graph = run(frames[0], layers, room_of).graph()
