@@ -52,11 +52,11 @@ class DetectorConfig:
 
 
 CONSERVATIVE = DetectorConfig()
-GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.3), walls=WallConfig(wall=0.3))
+GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PAPER = DetectorConfig(
     weights=(WEIGHTS / "paper_same_room.npz", WEIGHTS / "paper_same_wall.npz"), clustering=CYCLES
 )
-PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.3), walls=WallConfig(wall=0.3))
+PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PRESETS = {
     "gnn": CONSERVATIVE,
     "gnn-greedy": GREEDY,
