@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.gallery import gallery
 from eval.commands.report import report
 from eval.commands.view import view as view_run
 from eval.commands.view import watchers
@@ -27,6 +28,7 @@ Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan f
 Option = typer.Option
 app.command("view")(view_run)
 app.command("report")(report)
+app.command("gallery")(gallery)
 
 
 def _names(names: Sequence[str]) -> str:

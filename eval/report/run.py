@@ -182,10 +182,10 @@ def _kind(node: RoomNode, graph: SceneGraph) -> str:
 def _rooms(run: RunFiles) -> Iterator[str]:
     rooms = [node for node in run.graph.nodes if isinstance(node, RoomNode)]
     if run.graph.truth:
-        entered, found = get(run.metrics, "rooms.entered"), get(run.metrics, "rooms.true_positive")
-        if isinstance(entered, (int, float)) and isinstance(found, (int, float)):
-            missed = max(entered - found, 0)
-            text = f"{found:g} of {entered:g} entered rooms found, {missed:g} missed"
+        entered, recall = (get(run.metrics, f"rooms.{name}") for name in ("entered", "recall"))
+        if isinstance(entered, (int, float)) and isinstance(recall, (int, float)):
+            missed = round(entered * (1.0 - recall), 1)
+            text = f"{entered:g} rooms were entered; {missed:g} of them were missed"
             yield html.paragraph(text, "bad" if missed else "good")
     rows = [
         (

@@ -77,9 +77,7 @@ class FailingAtOnce(NullSink):
 
 
 @pytest.mark.parametrize("inner", [Failing(), FailingAtOnce()])
-def test_a_failing_viewer_is_a_warning(
-    inner: NullSink, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_failing_viewer_is_a_warning(inner: NullSink, caplog: pytest.LogCaptureFixture) -> None:
     sink = LiveSink(inner)
     with caplog.at_level(logging.WARNING):
         sink.started(RunConfig("SE1"), None)
