@@ -220,13 +220,13 @@ def _time(metrics: Mapping[str, object]) -> Iterator[str]:
     if not isinstance(stages, Mapping):
         return
     known = {name: stage for name, stage in stages.items() if get(stage, "median_ms") is not None}
-    values = [np.array([float(str(get(s, k))) for s in known.values()]) for k in _TIMES]
-    picture = svg.bars(list(known), *values, "ms")
+    median, p95 = (
+        np.array([float(str(get(stage, key))) for stage in known.values()])
+        for key in ("median_ms", "p95_ms")
+    )
+    picture = svg.bars(list(known), median, p95, "ms")
     if picture:
         yield html.figure(picture, "Each stage's time a call: median (bar) and 95th percentile")
-
-
-_TIMES = ("median_ms", "p95_ms")
 
 
 def _metrics_table(metrics: Mapping[str, object]) -> str:
