@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from zipfile import BadZipFile
@@ -21,15 +22,20 @@ from numpy.typing import NDArray
 from eval.config import RunConfig
 from eval.files import whole_file
 from eval.labels import KeptReturns, TruthStep
+from eval.recordings import is_recording
 from eval.seen import SeenStep
+from eval.source import plan_of
 from eval.steps import Step
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
-from worlds.catalogue import file_sha256, scene_path
+from worlds.catalogue import scene_sha256
 from worlds.conditions import conditions_named
 
-AFTER_THE_FRONT_END = {"scene", "out", "detector", "layers", "factors", "loops", "save", "cache"}
+AFTER_THE_FRONT_END = {
+    *("scene", "out", "detector", "layers", "factors", "loops", "save", "cache"),
+    *("truth", "topic"),
+}
 """Fields of RunConfig that no step depends on (the scene's content counts, not its name)."""
 
 CODE = (
@@ -45,11 +51,12 @@ Arrays = Mapping[str, NDArray]
 
 
 def artefact_path(config: RunConfig) -> Path | None:
-    """Where the front end of a run is kept; None for a run that keeps none, or needs whole scans.
+    """Where the front end of a run is kept; None for a run that keeps none or needs whole scans, or
+    of a recording.
 
     Raises InputError for a scene or a preset that there is not.
     """
-    if config.cache is None or config.save:
+    if config.cache is None or config.save or is_recording(config.scene):
         return None
     return config.cache / f"{front_end_key(config)}.npz"
 
@@ -58,16 +65,18 @@ def front_end_key(config: RunConfig) -> str:
     """32 hexadecimal digits of all that the steps of a run depend on. Raises InputError."""
     used = [item.name for item in fields(config) if item.name not in AFTER_THE_FRONT_END]
     parts = [f"{name}={getattr(config, name)!r}" for name in used]
-    parts.append(file_sha256(scene_path(config.scene)))
-    parts += [repr(sensor_named(config.sensor)), repr(conditions_named(config.conditions))]
+    parts.append(scene_sha256(config.scene))
+    conditions = config.conditions or plan_of(config).conditions
+    parts += [repr(sensor_named(config.sensor)), repr(conditions_named(conditions))]
     parts.append(repr(FrontEndConfig()))
     parts += [f"{name} {version(name)}" for name in PACKAGES]
     modules = [*CODE, config.odometry.partition(":")[0]] if ":" in config.odometry else [*CODE]
-    parts += [_code_hash(module) for module in modules]
+    parts += [code_hash(module) for module in modules]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def _code_hash(module: str) -> str:
+@cache
+def code_hash(module: str) -> str:
     """Of a module's source, or of all sources of a package."""
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:

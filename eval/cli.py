@@ -5,16 +5,27 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eval.commands.ablate import ablate
+from eval.commands.bench import app as bench
+from eval.commands.calibrate import calibrate
+from eval.commands.compare import compare
 from eval.commands.gallery import gallery
+from eval.commands.record import record
 from eval.commands.report import report
+from eval.commands.scenes import Unit, Up, scenes
+from eval.commands.score import score
+from eval.commands.train import train
 from eval.commands.view import view as view_run
 from eval.commands.view import watchers
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
+
+if TYPE_CHECKING:
+    pass
 
 app = typer.Typer(
     help="Evaluates indoor semantic LiDAR SLAM in simulation: a floor plan becomes a world, "
@@ -23,9 +34,19 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench, name="bench")
 
-Scene = Annotated[str, typer.Argument(help="A name of the catalogue, or a plan file.")]
+Scene = Annotated[
+    str,
+    typer.Argument(
+        help="A name of the catalogue; a plan, IFC, mesh, occupancy map or recording; "
+        "or a scenario (.toml)."
+    ),
+]
 Option = typer.Option
+app.command()(scenes)
+app.command()(record)
+app.command()(calibrate)
 app.command("view")(view_run)
 app.command("report")(report)
 app.command("gallery")(gallery)
@@ -36,44 +57,13 @@ def _names(names: Sequence[str]) -> str:
 
 
 @app.command()
-def scenes(
-    show: Annotated[str | None, Option(help="Draw this scene (or plan file).")] = None,
-    out: Annotated[Path | None, Option(help="The picture's file (default: SCENE.png).")] = None,
-) -> None:
-    """The catalogue with its counts; a picture of one scene."""
-    from rich.console import Console
-
-    console = Console()
-    if show is None:
-        from eval.screen import counts_table
-        from worlds.catalogue import load_scene, scene_counts, scene_names
-
-        console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))
-    else:
-        path = _draw_scene(show, out or Path(f"{Path(show).stem}.png"))
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
-
-
-def _draw_scene(scene: str, path: Path) -> Path:
-    """Draws a scene as planned into a PNG file."""
-    from numpy.random import SeedSequence
-
-    from eval.files import whole_file
-    from worlds.catalogue import load_scene
-    from worlds.conditions import IDEAL
-    from worlds.picture import scene_figure
-    from worlds.world import build_world
-
-    world = build_world(load_scene(scene), SeedSequence(0), IDEAL)
-    with whole_file(path) as part:
-        scene_figure(world).savefig(part, format="png", dpi=150)
-    return path
-
-
-@app.command()
 def run(
+    context: typer.Context,
     scene: Scene,
     seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
+    seeds: Annotated[
+        str | None, Option(help="Several, as 0,1,2 or 0-9: OUT/sN for each, and a table.")
+    ] = None,
     out: Annotated[
         Path | None, Option(help="The output folder (default: runs/SCENE-DETECTOR-sN).")
     ] = None,
@@ -83,10 +73,18 @@ def run(
     speed: Annotated[float | None, Option(help="Of the base, m/s.")] = None,
     storey: Annotated[int | None, Option(help="Counted from 0.")] = None,
     start: Annotated[str | None, Option(help="The room to start in.")] = None,
-    sensor: Annotated[str, Option(help="Preset of the LiDAR.")] = RunConfig.sensor,
+    route: Annotated[
+        str | None, Option(help="A route that the scene names (default: every room).")
+    ] = None,
+    closed: Annotated[bool, Option("--closed", help="Return to the start.")] = False,
+    sensor: Annotated[str, Option(help="Preset of the LiDAR, or a .toml file.")] = RunConfig.sensor,
     conditions: Annotated[
-        str, Option(help="How the world was built: as-built or ideal.")
-    ] = RunConfig.conditions,
+        str | None,
+        Option(
+            help="How it is built, and what stands in it: as-built, ideal, office, real-site, "
+            "or several joined by +, such as furniture+people (default: as the scene says)."
+        ),
+    ] = None,
     detector: Annotated[
         str, Option(help=f"{_names(tuple(DETECTORS))}, or package.module:Class.")
     ] = RunConfig.detector,
@@ -100,14 +98,24 @@ def run(
         str, Option(help=f"How rooms and walls constrain it: {_names(FACTORS)}.")
     ] = RunConfig.factors,
     loops: Annotated[str, Option(help=f"Loop closure: {_names(LOOPS)}.")] = RunConfig.loops,
+    truth: Annotated[
+        str | None, Option(help="Of a recording: a .tum file, labels.npz, or a topic of the bag.")
+    ] = None,
+    topic: Annotated[str | None, Option(help="Of a bag's point clouds, if it has several.")] = None,
     save: Annotated[bool, Option("--save", help="Write recording.rrd too.")] = False,
     cache: Annotated[
         Path | None, Option(help="A folder of recorded front ends: replay, or record there.")
     ] = None,
+    unit: Unit = None,
+    up: Up = None,
     view: Annotated[bool, Option("--view", help="Watch it in a window; without --cache.")] = False,
     serve: Annotated[bool, Option("--serve", help="Watch it in a browser; as --view.")] = False,
-) -> None:
+) -> int:
     """Drive through a scene, map it, and score the map."""
+    if seeds is not None or scene.endswith(".toml"):
+        from eval.commands.scenario import run_command
+
+        return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,
         seed=seed,
@@ -116,6 +124,8 @@ def run(
         speed=speed,
         storey=storey,
         start=start,
+        route=route,
+        closed=closed,
         sensor=sensor,
         conditions=conditions,
         detector=detector,
@@ -123,8 +133,12 @@ def run(
         layers=layers,
         factors=factors,
         loops=loops,
+        truth=truth,
+        topic=topic,
         save=save,
         cache=cache,
+        unit=unit,
+        up=up,
     )
     from rich.console import Console
 
@@ -137,46 +151,25 @@ def run(
 
         result = run_loop(config, progress, watchers=watchers(view, serve))
     show_result(Console(), result.metrics, result.folder)
+    return 0
 
 
-@app.command()
-def train(
-    seed: Annotated[int, Option(help="Of the training set and of the weights.")] = 0,
-    layouts: Annotated[int, Option(help="Buildings in the training set.")] = 1200,
-    epochs: Annotated[int, Option(help="Passes over the training set.")] = 18,
-    out: Annotated[
-        Path | None, Option(help="Where the weights go (default: those that the detector uses).")
-    ] = None,
-) -> None:
-    """Make the training set and train both networks; writes weights and a picture of the curves."""
-    for name, value, least in (("seed", seed, 0), ("layouts", layouts, 10), ("epochs", epochs, 1)):
-        if value < least:
-            raise typer.BadParameter(f"{name}: expected {least} or more, got {value}")
-    from rich.console import Console
+def _given(context: typer.Context) -> dict[str, object]:
+    """The options that stand on the command line, without those that have their default."""
+    return {
+        name: value
+        for name, value in context.params.items()
+        if name not in ("scene", "seeds")
+        and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
 
-    from eval.curves import curves_png
-    from eval.screen import RunProgress
-    from semantics.dataset import DatasetConfig
-    from semantics.detector import WEIGHTS
-    from semantics.train import TrainConfig
-    from semantics.train import train as train_networks
 
-    folder = out or WEIGHTS
-    config = TrainConfig(
-        dataset=DatasetConfig(layouts=layouts), seed=seed, epochs=epochs, folder=folder
-    )
-    with RunProgress("training", Console(stderr=True), "%") as progress:
-        result = train_networks(config, lambda _, share: progress(100.0 * share, 100.0))
-    picture = curves_png(result.curves, (Path() if out is None else out) / "training.png")
-    console = Console()
-    for curve in result.curves:
-        console.print(
-            f"{curve.relation}: epoch {curve.best + 1} of {epochs}, validation precision "
-            f"{curve.precision[curve.best]:.3f}, recall {curve.recall[curve.best]:.3f}",
-            highlight=False,
-        )
-    for path in (*result.files, picture):
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+app.command()(train)
+
+
+app.command()(ablate)
+app.command()(compare)
+app.command()(score)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

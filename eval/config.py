@@ -15,7 +15,7 @@ from eval.detectors import DETECTORS, ODOMETRIES, check_name
 from eval.names import known, refuse
 
 LAYERS = ("planes", "rooms", "rooms+walls")
-FACTORS = ("paper",)
+FACTORS = ("paper", "informative")
 LOOPS = ("on", "off")
 
 
@@ -26,10 +26,14 @@ class RunConfig:
     scene: a catalogue name or a file; seed: of everything random; out: the folder (None:
     ``runs/SCENE-DETECTOR-sN``); duration: simulated seconds (None: the whole route); speed: of the
     base [m/s] (None: the base's own); storey: counted from 0 (None: the lowest that can be driven);
-    start: the room it starts in, by name; sensor, conditions: names of presets; detector, odometry:
-    a name or ``package.module:Class``; layers: what enters the graph; factors: how rooms and walls
-    constrain it; loops: loop closure; save: write recording.rrd; cache: a folder of recorded front
-    ends (``eval.artefact``), which variants of detector and back end replay.
+    start: the room it starts in, by name; route: one that the scene names (None: every room);
+    closed: return to the start; sensor, conditions: names of presets (conditions None: that which
+    the scene names); detector, odometry: a name or ``package.module:Class``; layers: what enters
+    the graph; factors: how rooms and walls constrain it; loops: loop closure; truth: of a
+    recording, a .tum file, the labels (.npz) of a recorded drive, or a topic of the bag; topic: of
+    a bag's point clouds; save: write recording.rrd; cache: a folder of recorded front ends
+    (``eval.artefact``), which variants of detector and back end replay; unit, up: of a building's
+    file that does not declare them (``worlds.readers.ReaderOptions``).
     """
 
     scene: str
@@ -39,15 +43,21 @@ class RunConfig:
     speed: float | None = None
     storey: int | None = None
     start: str | None = None
+    route: str | None = None
+    closed: bool = False
     sensor: str = "vlp16"
-    conditions: str = "as-built"
+    conditions: str | None = None
     detector: str = "gnn"
     odometry: str = "kiss"
     layers: str = "rooms+walls"
     factors: str = "paper"
     loops: str = "on"
+    truth: str | None = None
+    topic: str | None = None
     save: bool = False
     cache: Path | None = None
+    unit: str | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)
@@ -64,7 +74,7 @@ class RunConfig:
         """Where the run writes: ``out``, or ``runs/SCENE-DETECTOR-sN`` under the working folder."""
         if self.out is not None:
             return self.out
-        return Path("runs") / f"{_slug(Path(self.scene).stem)}-{_slug(self.detector)}-s{self.seed}"
+        return Path("runs") / f"{slug(Path(self.scene).stem)}-{slug(self.detector)}-s{self.seed}"
 
 
 # --- values ---------------------------------------------------------------------------------------
@@ -107,6 +117,6 @@ def _check_positive(config: RunConfig) -> None:
             refuse(f"{name}: expected {unit} above 0, got {value}")
 
 
-def _slug(name: str) -> str:
+def slug(name: str) -> str:
     """A name as a part of a folder's name."""
     return re.sub(r"[^A-Za-z0-9._+-]+", "-", name).strip("-.") or "scene"

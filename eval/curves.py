@@ -22,13 +22,20 @@ def curves_png(curves: Sequence[Curve], path: Path) -> Path:
         epochs = range(1, len(curve.loss) + 1)
         left.semilogy(epochs, curve.loss, label="training")
         left.semilogy(epochs, curve.validation_loss, label="validation")
-        left.set(title=f"{curve.relation}: loss", xlabel="epoch", ylabel="cross-entropy per edge")
-        right.plot(epochs, curve.precision, label="precision")
-        right.plot(epochs, curve.recall, label="recall")
-        right.set(title=f"{curve.relation}: validation", xlabel="epoch")
+        left.set(title=f"{curve.name}: loss", xlabel="epoch", ylabel="cross-entropy per edge")
+        by_relation = zip(
+            curve.relations,
+            zip(*curve.precision, strict=True),
+            zip(*curve.recall, strict=True),
+            strict=True,
+        )
+        for place, (relation, precision, recall) in enumerate(by_relation):
+            right.plot(epochs, precision, color=f"C{place}", label=f"{relation}: precision")
+            right.plot(epochs, recall, "--", color=f"C{place}", label=f"{relation}: recall")
+        right.set(title=f"{curve.name}: validation", xlabel="epoch")
         for axis in (left, right):
             axis.axvline(curve.best + 1, color="0.6", linestyle=":", label="kept")
-            axis.legend()
+            axis.legend(fontsize=8)
             axis.grid(alpha=0.3)
     with whole_file(path) as part:
         figure.savefig(part, format="png", dpi=110)

@@ -37,6 +37,26 @@ def _trained(name: str) -> Callable[[TruthKeeper | None], Detector]:
     return make
 
 
+def _hydra(name: str) -> Callable[[TruthKeeper | None], Detector]:
+    def make(_: TruthKeeper | None) -> Detector:
+        from semantics.hydra.config import PRESETS
+        from semantics.hydra.detector import HydraDetector
+
+        return HydraDetector(PRESETS[name])
+
+    return make
+
+
+def _sgraphs(name: str) -> Callable[[TruthKeeper | None], Detector]:
+    def make(_: TruthKeeper | None) -> Detector:
+        from semantics.sgraphs.config import PRESETS
+        from semantics.sgraphs.detector import SgraphsDetector
+
+        return SgraphsDetector(PRESETS[name])
+
+    return make
+
+
 def _oracle(keeper: TruthKeeper | None) -> Detector:
     from eval.oracle import OracleDetector
 
@@ -46,13 +66,19 @@ def _oracle(keeper: TruthKeeper | None) -> Detector:
 
 
 def _kiss() -> Odometry:
-    from slam.odometry import KissOdometry
+    from slam.kiss import KissOdometry
 
     return KissOdometry()
 
 
+def _kiss_wheels() -> Odometry:
+    from slam.kiss import KissConfig, KissOdometry
+
+    return KissOdometry(KissConfig(wheels=True))
+
+
 def _vgicp() -> Odometry:
-    from slam.odometry import VgicpOdometry
+    from slam.vgicp import VgicpOdometry
 
     return VgicpOdometry()
 
@@ -60,10 +86,20 @@ def _vgicp() -> Odometry:
 DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "gnn": _trained("gnn"),
     "gnn-greedy": _trained("gnn-greedy"),
+    "paper": _trained("paper"),
+    "paper-greedy": _trained("paper-greedy"),
+    "hydra": _hydra("hydra"),
+    "hydra-v1": _hydra("hydra-v1"),
+    "sgraphs": _sgraphs("sgraphs"),
+    "sgraphs-faults": _sgraphs("sgraphs-faults"),
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }
-ODOMETRIES: Mapping[str, Callable[[], Odometry]] = {"kiss": _kiss, "vgicp": _vgicp}
+ODOMETRIES: Mapping[str, Callable[[], Odometry]] = {
+    "kiss": _kiss,
+    "kiss-wheels": _kiss_wheels,
+    "vgicp": _vgicp,
+}
 
 
 def make_detector(name: str, keeper: TruthKeeper | None = None) -> Detector:

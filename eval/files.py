@@ -96,3 +96,13 @@ def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
     if not good or not np.isfinite(array).all():
         raise InputError(f"{path}: {at}: {expected} expected")
     return array
+
+
+def claim_new(folder: Path) -> None:
+    """InputError unless a new folder can be made there; makes what it is to stand in."""
+    if folder.exists():
+        raise InputError(f"out: {folder} exists, a new folder was expected")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -23,23 +24,44 @@ RUN_FILES = (
     "plan.png",
     "report.html",
     "recording.rrd",
+    "table.csv",
+    "verdict.json",
 )
 
 
 def config_text(config: RunConfig) -> str:
     """The contents of config.json: the schema and the fields of ``RunConfig``."""
-    values = {"schema": SCHEMA} | asdict(config)
-    for name in ("out", "cache"):
-        path = values[name]
-        values[name] = None if path is None else str(path)
-    return json.dumps(values, indent=2) + "\n"
+    return json.dumps({"schema": SCHEMA} | config_values(config), indent=2) + "\n"
+
+
+def config_values(config: RunConfig) -> dict[str, object]:
+    """The fields of a configuration as JSON has them."""
+    return {k: str(v) if isinstance(v, Path) else v for k, v in asdict(config).items()}
 
 
 def read_config(path: Path) -> RunConfig:
     """The RunConfig in a config.json, or in a run's folder: to run it again. Raises InputError."""
     path = path / CONFIG_FILE if path.is_dir() else path
-    values = dict(read_json(path))
+    return _config(dict(read_json(path)), path)
+
+
+def config_in(text: str, path: Path) -> RunConfig:
+    """The RunConfig in a text of ``config_text`` that stands in ``path``. Raises InputError."""
+    try:
+        values = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: config: expected JSON: {error}") from error
+    check(isinstance(values, dict), path, "config", "an object")
+    return _config(values, path)
+
+
+def _config(values: dict[str, object], path: Path) -> RunConfig:
     check(values.pop("schema", None) == SCHEMA, path, "schema", repr(SCHEMA))
+    return config_of(values, path)
+
+
+def config_of(values: Mapping[str, object], path: Path) -> RunConfig:
+    """The RunConfig with these fields. Raises InputError that names the file."""
     names = {item.name for item in fields(RunConfig)}
     for name in values.keys() - names:
         check(False, path, name, f"one of {', '.join(sorted(names))}")
@@ -81,11 +103,16 @@ def claim_folder(config: RunConfig) -> Path:
     """
     folder = config.folder
     check_folder(folder)
+    clear_folder(folder)
+    write_text(folder / CONFIG_FILE, config_text(config))
+    return folder
+
+
+def clear_folder(folder: Path) -> None:
+    """Makes a folder, and deletes what an earlier run wrote there. Raises InputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path in (*(folder / name for name in RUN_FILES), *folder.glob(".*.part")):
             path.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"out: {folder} cannot be written: {error.strerror or error}") from error
-    write_text(folder / CONFIG_FILE, config_text(config))
-    return folder

@@ -41,7 +41,7 @@ class KeptReturns:
 @dataclass(frozen=True)
 class TruthStep:
     """All that the scoring keeps of one scan's truth. stamp, start: the sweep's end and start [s];
-    kept: None unless the scan is a keyframe."""
+    T_world_base: NaN where a recording does not tell; kept: None unless the scan is a keyframe."""
 
     index: int
     stamp: float
@@ -183,7 +183,8 @@ class TruthKeeper:
             self._store.add(ids, step.kept.faces, step.kept.along, step.kept.points)
         self._stamps.append(step.stamp)
         self._poses.append(step.T_world_base)
-        self.visits.add(step.stamp, step.T_world_base[:3, 3])
+        if np.isfinite(step.T_world_base).all():
+            self.visits.add(step.stamp, step.T_world_base[:3, 3])
         self.seen.apply(step.seen, step.stamp)
 
     def snapshot(self, stamp: float, latency_s: float, view: MapView, proposals: Proposals) -> None:
@@ -214,5 +215,5 @@ class TruthKeeper:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The true trajectory, world frame, one pose per scan."""
+        """The true trajectory, world frame, one pose per scan; NaN where it is not known."""
         return Trajectory(np.array(self._stamps), np.array(self._poses).reshape(-1, 4, 4))

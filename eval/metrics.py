@@ -110,15 +110,15 @@ class RunFacts:
     """What a run knows of itself, beside its scores.
 
     status: complete | cut_off | failed; error: one line where it failed; wall_s: of the loop alone;
-    startup_s: before it; versions: package -> version.
+    startup_s: before it; versions: package -> version; sensor, conditions: None of a recording.
     """
 
     status: str
     scene: str
     scene_sha256: str
     seed: int
-    sensor: str
-    conditions: str
+    sensor: str | None
+    conditions: str | None
     detector: str
     layers: str
     factors: str
@@ -143,8 +143,8 @@ class Metrics:
     scene: str
     scene_sha256: str
     seed: int
-    sensor: str
-    conditions: str
+    sensor: str | None
+    conditions: str | None
     detector: str
     layers: str
     factors: str

@@ -34,7 +34,9 @@ class OracleDetector:
         self._pieces: dict[tuple[int, int], dict[int, PlanePiece]] = {}
 
     def update(self, view: MapView) -> Proposals:
-        """Every room with enough mapped faces, every wall with both."""
+        """Every room with enough mapped faces, every wall with both; none without room truth."""
+        if not self._keeper.truth.rooms_known:
+            return Proposals()
         by_face: dict[int, list[PlanePiece]] = {}
         for plane in view.planes:
             for face, piece in self._pieces_of(plane).items():

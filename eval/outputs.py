@@ -53,6 +53,8 @@ __all__ = [
     "WallNode",
     "graph_json",
     "metrics_json",
+    "metrics_of",
+    "metrics_values",
     "read_graph",
     "read_metrics",
     "read_ply",
@@ -146,7 +148,12 @@ def read_ply(path: Path) -> tuple[Array, IntArray]:
 
 def metrics_json(metrics: Metrics) -> str:
     """The file's text; what is not finite is null."""
-    return json.dumps(_plain(dataclasses.asdict(metrics)), indent=2, allow_nan=False) + "\n"
+    return json.dumps(metrics_values(metrics), indent=2, allow_nan=False) + "\n"
+
+
+def metrics_values(metrics: Metrics) -> object:
+    """What the file holds, as JSON has it."""
+    return _plain(dataclasses.asdict(metrics))
 
 
 def write_metrics(metrics: Metrics, path: Path) -> None:
@@ -156,7 +163,11 @@ def write_metrics(metrics: Metrics, path: Path) -> None:
 
 def read_metrics(path: Path) -> Metrics:
     """Read metrics.json. A key that lacks, is unknown, or has the wrong type: InputError."""
-    tree = read_json(path)
+    return metrics_of(read_json(path), path)
+
+
+def metrics_of(tree: Mapping[str, object], path: Path) -> Metrics:
+    """The metrics in a JSON object, see ``read_metrics``. path: for errors."""
     check(tree.get("schema") == SCHEMA, path, "schema", f'"{SCHEMA}"')
     metrics = _build(Metrics, tree, path, "")
     assert isinstance(metrics, Metrics)

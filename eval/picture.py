@@ -14,12 +14,14 @@ from eval.score_rooms import to_world
 from eval.scores import RunRecord, Scores
 from eval.trajectory import Trajectory, origin_alignment
 from slam.core import Array, MapPlane, Proposals, transform_points
+from worlds.plan import UNLABELLED
 from worlds.truth import Room, Truth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+UNJUDGED = "#6a51a3"
 TRUE, FALSE, MISSED = "#1a9850", "#d73027", "#fdae61"
 ROOM, FACE = "#ececec", "#9a9a9a"
 PLANES = ("#1f78b4", "#6a3d9a", "#00a6ca", "#c51b7d", "#8c510a", "#4d4dff")
@@ -61,14 +63,14 @@ def save(picture: RunPicture, path: Path) -> None:
 
 def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture:
     """What there is to draw; a run that cannot be aligned is laid over the truth by its start."""
-    true_path = scores.truth_trajectory
+    true_path, truth = scores.truth_trajectory, record.keeper.truth
     alignments = [
         _over(score.T_truth_estimate, path, true_path)
         for score, path in ((scores.estimate, record.estimate), (scores.odometry, record.odometry))
     ]
     return RunPicture(
         title=", ".join(filter(None, [title, _headline(scores)])),
-        truth=record.keeper.truth,
+        truth=truth,
         true_path=true_path,
         estimate=record.estimate,
         odometry=record.odometry,
@@ -77,19 +79,21 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
         planes=record.view.planes,
         proposals=record.proposals,
         matches=scores.rooms.matches,
-        entered=frozenset(record.keeper.visits.entered),
+        entered=frozenset(record.keeper.visits.entered if truth.rooms_known else ()),
     )
 
 
 def _over(T: Array | None, path: Trajectory, true_path: Trajectory) -> Array:
     if T is not None:
         return T
-    return origin_alignment(path, true_path) if len(path) else np.eye(4)
+    return origin_alignment(path, true_path) if len(path) and len(true_path) else np.eye(4)
 
 
 def _headline(scores: Scores) -> str:
     ate, odometry = scores.estimate.ate, scores.odometry.ate
-    rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
+    rooms = "no room truth"
+    if scores.rooms.entered is not None:
+        rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
     if ate is None or odometry is None:
         return f"not aligned, {rooms}"
     return f"ATE {100 * ate:.1f} cm (odometry {100 * odometry:.1f} cm), {rooms}"
@@ -137,7 +141,8 @@ def _draw_room(axes: Axes, room: Room, missed: bool) -> None:
     from matplotlib.patheffects import withStroke
 
     x, y = np.array(room.polygon.exterior.coords).T
-    axes.fill(x, y, color=ROOM, lw=0, label="true rooms")
+    label = "free areas" if room.kind == UNLABELLED else "true rooms"
+    axes.fill(x, y, color=ROOM, lw=0, label=label)
     if missed:
         label = "entered, missed"
         axes.fill(x, y, fill=False, hatch="///", edgecolor=MISSED, lw=0, label=label)
@@ -157,8 +162,7 @@ def _draw_room(axes: Axes, room: Room, missed: bool) -> None:
 
 def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
     for room in picture.proposals.rooms:
-        good = room.id in picture.matches
-        color, label = (TRUE, "detected, true") if good else (FALSE, "detected, false")
+        color, label = _judged(room.id in picture.matches, picture.truth)
         if room.polygon is not None:
             x, y = to_world(picture.T_world_map, room.polygon).T
             axes.fill(x, y, color=color, alpha=0.18, lw=0, zorder=2)
@@ -166,6 +170,13 @@ def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
             axes.plot(*outline, color=color, lw=1.2, zorder=3, label=label)
         centre = to_world(picture.T_world_map, room.centre[None])[0]
         axes.plot(*centre, "P", color=color, ms=6, mec="white", mew=0.6, zorder=5, label=label)
+
+
+def _judged(good: bool, truth: Truth) -> tuple[str, str]:
+    """Colour and label of a detected room."""
+    if not truth.rooms_known:
+        return UNJUDGED, "detected"
+    return (TRUE, "detected, true") if good else (FALSE, "detected, false")
 
 
 def _draw_planes(axes: Axes, picture: RunPicture) -> None:

@@ -11,27 +11,29 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from eval.artefact import Replay, artefact_path, recorded
 from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
 from eval.labels import TruthKeeper
-from eval.metrics import Metrics, RunFacts, Stages, StageTime, assemble
+from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.report.run import write_report
 from eval.scenegraph import scene_graph
+from eval.score_loops import score_loops
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
 from eval.sinks import Sink, make_sink
-from eval.source import make_source, make_world
+from eval.source import UNKNOWN, Place, make_place
 from eval.steps import Step, TruthFilter, live_steps
 from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
 from slam.core import Detector, Proposals, RunError
 from slam.frontend import FrontEnd
-from worlds.catalogue import file_sha256, scene_path
-from worlds.world import World
+from slam.loops import LoopConfig
 
 Progress = Callable[[float, float], None]
 """Told after each scan: simulated seconds so far, and how many the whole run will have."""
@@ -83,7 +85,7 @@ class _Clock:
 class _Parts:
     """Everything that one run is wired from."""
 
-    world: World
+    place: Place
     steps: Iterable[Step]
     replay: bool
     duration: float
@@ -113,14 +115,14 @@ def run(
     startup_s = time.perf_counter() - started
     started = time.perf_counter()
     failure: RunError | KeyboardInterrupt | None = None
-    parts.sink.started(config, parts.world.truth)
+    parts.sink.started(config, parts.place.truth)
     try:
         _loop(parts, clock, progress)
     except (RunError, KeyboardInterrupt) as stopped:
         failure = stopped
     wall_s = time.perf_counter() - started
     parts.sink.finished()
-    facts = replace(_facts(config, failure), stages=clock.stages())
+    facts = replace(_facts(config, parts.place, failure), stages=clock.stages())
     if not parts.replay:
         facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
     metrics = _finish(parts, facts, folder)
@@ -130,24 +132,29 @@ def run(
 
 
 def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequence[Sink]) -> _Parts:
-    """Builds the world and makes every part. Raises InputError."""
-    world = make_world(config)
-    keeper = TruthKeeper(world.truth)
-    steps, duration, replay = _front_end(config, world, keeper, truth_filter)
+    """Builds the place and makes every part. Raises InputError."""
+    place = make_place(config)
+    keeper = TruthKeeper(UNKNOWN if place.truth is None else place.truth)
+    steps, duration, replay = _front_end(config, place, keeper, truth_filter)
     return _Parts(
-        world=world,
+        place=place,
         steps=steps,
         replay=replay,
         duration=duration,
-        backend=BackEnd(BackEndConfig(layers=config.layers)),
+        backend=BackEnd(back_end_config(config)),
         detector=make_detector(config.detector, keeper),
         keeper=keeper,
         sink=make_sink(config, config.folder, watchers),
     )
 
 
+def back_end_config(config: RunConfig) -> BackEndConfig:
+    """What a run's options ask of the back end."""
+    return BackEndConfig(layers=config.layers, loops=LoopConfig() if config.loops == "on" else None)
+
+
 def _front_end(
-    config: RunConfig, world: World, keeper: TruthKeeper, truth_filter: TruthFilter | None
+    config: RunConfig, place: Place, keeper: TruthKeeper, truth_filter: TruthFilter | None
 ) -> tuple[Iterable[Step], float, bool]:
     """The steps of a run, about how long they go on [s], and whether they are replayed."""
     path = artefact_path(config)
@@ -155,7 +162,7 @@ def _front_end(
         replay = Replay(path)
         return replay, replay.duration, True
     odometry = make_odometry(config.odometry)
-    source = make_source(config, world)
+    source = place.source()
     steps = live_steps(source, FrontEnd(odometry), keeper, truth_filter)
     return (steps if path is None else recorded(steps, path)), source.duration, False
 
@@ -176,10 +183,11 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
             clock.add("graph", graph_s + time.perf_counter() - started)
             parts.sink.timed(step.frame.stamp, clock.last())
         if step.scan is not None:
-            T_map_base, T_world_base = parts.backend.latest(), step.truth.T_world_base
-            parts.sink.frame(step.frame, step.scan, T_map_base, T_world_base)
+            known = bool(np.isfinite(step.truth.T_world_base).all())
+            T_world_base = step.truth.T_world_base if known else None
+            parts.sink.frame(step.frame, step.scan, parts.backend.latest(), T_world_base)
         if progress is not None:
-            progress(step.frame.stamp, parts.duration)
+            progress(step.frame.stamp - parts.keeper.start, parts.duration)
 
 
 def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
@@ -200,7 +208,7 @@ def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
 def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     """Last optimisation, last word of the detector, scores, files."""
     backend = parts.backend
-    backend.optimise(extra_iterations=3)
+    backend.finish()
     proposals = parts.detector.update(backend.view())
     record = RunRecord(
         keeper=parts.keeper,
@@ -210,14 +218,16 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
         view=backend.dense_view(),
         proposals=proposals,
     )
-    mesh = parts.world.mesh
-    scores = score_run(record, SurfaceDistance(mesh.vertices, mesh.triangles, mesh.face))
-    metrics = assemble(replace(facts, simulated_s=float(backend.stamps()[-1])), scores)
+    scores = score_run(record, _surface(parts.place))
+    simulated_s = float(backend.stamps()[-1]) - parts.keeper.start
+    facts = replace(facts, simulated_s=simulated_s, loops=_loops(parts))
+    metrics = assemble(facts, scores)
     write_tum(record.estimate, folder / "trajectory.tum")
     write_tum(record.odometry, folder / "odometry.tum")
-    write_tum(scores.truth_trajectory, folder / "truth.tum")
+    if len(scores.truth_trajectory):
+        write_tum(scores.truth_trajectory, folder / "truth.tum")
     write_ply(scores.cloud.points, scores.cloud.plane_id, folder / "map.ply")
-    labels = graph_truth(scores, parts.world.truth, record)
+    labels = graph_truth(scores, parts.keeper.truth, record)
     write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
     plan_png(record, scores, folder / "plan.png")
     write_metrics(metrics, folder / "metrics.json")
@@ -225,15 +235,31 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     return metrics
 
 
-def _facts(config: RunConfig, failure: BaseException | None) -> RunFacts:
+def _loops(parts: _Parts) -> Loops:
+    """Loop closures against the truth, where it is known at every keyframe."""
+    scans = np.array(parts.keeper.keyframe_scans, dtype=np.int64)
+    poses = parts.keeper.trajectory.poses[scans]
+    if not np.isfinite(poses).all():
+        return Loops()
+    found = score_loops(parts.backend.loops, poses)
+    return Loops(found.true, found.false, found.missed)
+
+
+def _surface(place: Place) -> SurfaceDistance | None:
+    if place.mesh is None:
+        return None
+    return SurfaceDistance(place.mesh.vertices, place.mesh.triangles, place.mesh.face)
+
+
+def _facts(config: RunConfig, place: Place, failure: BaseException | None) -> RunFacts:
     return RunFacts(
         status=_status(failure),
         error=str(failure) if isinstance(failure, RunError) else None,
         scene=config.scene,
-        scene_sha256=file_sha256(scene_path(config.scene)),
+        scene_sha256=place.sha256,
         seed=config.seed,
-        sensor=config.sensor,
-        conditions=config.conditions,
+        sensor=config.sensor if place.simulated else None,
+        conditions=place.conditions,
         detector=config.detector,
         layers=config.layers,
         factors=config.factors,
@@ -261,5 +287,6 @@ def _versions() -> Mapping[str, str]:
 
 
 def _peak_rss_mb() -> float:
-    """Largest memory of the process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    """Largest memory of this process so far and of the simulator's, if it had one [MB]."""
+    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(resource.getrusage(which).ru_maxrss for which in both) / 1024.0

@@ -17,7 +17,7 @@ from eval.surfaces import Surface, Surfaces
 from eval.trajectory import rms
 from eval.votes import Labels
 from slam.core import Array, MapPlane, transform_points
-from worlds.truth import CEILING, FLOOR, Face, Truth
+from worlds.truth import CEILING, FLOOR, LABELS, Face, Truth
 
 MIXED_BELOW = 0.6
 OVERLAP = 0.1
@@ -62,11 +62,14 @@ class PlaneVote:
 
     @property
     def label(self) -> str:
-        """For people: "surface 3", "floor", "ceiling", "mixed" or "none"."""
+        """For people: "surface 3", "mixed", or what else its points are on, such as "floor"."""
         if self.surface is None or self.mixed:
             return "mixed"
-        names = {0: f"surface {self.surface[1]}", FLOOR: "floor", CEILING: "ceiling"}
-        return names.get(self.surface[0], "none")
+        kind, surface = self.surface
+        return f"surface {surface}" if kind == 0 else _NAMES[kind]
+
+
+_NAMES = {label: name for name, label in LABELS.items()}
 
 
 @dataclass(frozen=True)
@@ -77,17 +80,17 @@ class PlaneScore:
     surface and overlap; mapped_faces: seen faces with at least half of their seen length on one
     plane that is not mixed and whose surface is theirs; plane_rmse: samples every 10 cm along the
     estimated segments, at the foot, middle and top of each, to the face they belong to, over planes
-    on faces that are not mixed.
+    on faces that are not mixed. All but mapped are None where nothing is known of the place.
     """
 
     mapped: int
-    mixed: int
-    duplicates: int
-    faces_seen: int
-    completeness: float | None
-    plane_rmse: float | None
-    mapped_faces: frozenset[int]
-    votes: tuple[PlaneVote, ...]
+    mixed: int | None = None
+    duplicates: int | None = None
+    faces_seen: int | None = None
+    completeness: float | None = None
+    plane_rmse: float | None = None
+    mapped_faces: frozenset[int] = frozenset()
+    votes: tuple[PlaneVote, ...] = ()
 
 
 def vote_plane(labelled: LabelledPlane, surfaces: Surfaces) -> PlaneVote:

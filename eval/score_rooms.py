@@ -36,11 +36,12 @@ class RoomScore:
     over_segmented: detections beyond the first that own one room by strict majority;
     under_segmented: rooms beyond the first of which one detection covers at least half.
     matches: proposal id -> room of true detections. The piece rule's figures are None for a
-    detector that proposes rooms without pieces; IoU then follows the centre rule.
+    detector that proposes rooms without pieces; IoU then follows the centre rule. All are None in
+    a world without room truth.
     """
 
-    truth: int
-    entered: int
+    truth: int | None = None
+    entered: int | None = None
     detected: float | None = None
     true_positive: float | None = None
     precision: float | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from eval.score_rooms import ratio
 from eval.seen import SeenFaces
@@ -17,15 +17,15 @@ class WallScore:
 
     truth: walls that count (both faces seen); precision counts over all true walls, recall over
     those that count. One-to-one: a second proposal of a wall is false. matches: proposal id to
-    wall.
+    wall. All are None in a world without room truth.
     """
 
-    truth: int
-    detected: int
-    true_positive: int
-    precision: float | None
-    recall: float | None
-    matches: Mapping[int, int]
+    truth: int | None = None
+    detected: int | None = None
+    true_positive: int | None = None
+    precision: float | None = None
+    recall: float | None = None
+    matches: Mapping[int, int] = field(default_factory=dict)
 
 
 def counting_walls(truth: Truth, seen: SeenFaces) -> tuple[Wall, ...]:

@@ -12,7 +12,13 @@ from eval.score_planes import LabelledPlane, PlaneScore, score_planes
 from eval.score_rooms import RoomScore, score_rooms
 from eval.score_time import UNKNOWN_TIME, TimeScore, score_time
 from eval.score_walls import WallScore, score_walls
-from eval.trajectory import Trajectory, TrajectoryScore, ate_of_subset, score_trajectory
+from eval.trajectory import (
+    Trajectory,
+    TrajectoryScore,
+    ate_of_subset,
+    part_of,
+    score_trajectory,
+)
 from slam.core import Array, MapView, Proposals
 from worlds.truth import Truth
 
@@ -47,7 +53,7 @@ class Scores:
     odometry: TrajectoryScore
     online: TrajectoryScore | None
     ate_keyframes: float | None
-    path_m: float
+    path_m: float | None
     cloud: MapCloud
     planes: PlaneScore
     map: MapScore
@@ -61,37 +67,49 @@ class Scores:
         return self.estimate.T_truth_estimate
 
 
-def score_run(record: RunRecord, surface: SurfaceDistance) -> Scores:
-    """Score a run; surface: the distance to the world's mesh."""
+def score_run(record: RunRecord, surface: SurfaceDistance | None) -> Scores:
+    """Score a run; surface: the distance to the world's mesh, None where nothing but poses (or not
+    even those) is known of the place."""
     keeper, truth = record.keeper, record.keeper.truth
-    true_path = keeper.trajectory
-    estimate = score_trajectory(record.estimate, true_path)
+    known = np.asarray(np.isfinite(keeper.trajectory.positions).all(axis=1))
+    true_path, final = part_of(keeper.trajectory, known), part_of(record.estimate, known)
+    estimate = score_trajectory(final, true_path)
     T_world_map = estimate.T_truth_estimate
+    keyframes = np.isin(np.arange(len(known)), keeper.keyframe_scans)
     cloud = map_cloud(record.view.planes)
-    planes = score_planes(labelled_planes(record), truth, keeper.seen, T_world_map)
-    rooms, walls, time = _score_concepts(record, planes, T_world_map)
+    if surface is None:
+        planes = PlaneScore(mapped=len(record.view.planes))
+        rooms, walls, time = RoomScore(), WallScore(), UNKNOWN_TIME
+    else:
+        planes = score_planes(labelled_planes(record), truth, keeper.seen, T_world_map)
+        rooms, walls, time = _score_concepts(record, planes, T_world_map)
     return Scores(
         truth_trajectory=true_path,
         estimate=estimate,
-        odometry=score_trajectory(record.odometry, true_path),
-        online=None if record.online is None else score_trajectory(record.online, true_path),
+        odometry=score_trajectory(part_of(record.odometry, known), true_path),
+        online=None
+        if record.online is None
+        else score_trajectory(part_of(record.online, known), true_path),
         ate_keyframes=ate_of_subset(
-            T_world_map, record.estimate, true_path, np.array(keeper.keyframe_scans, np.int64)
+            T_world_map, final, true_path, np.flatnonzero(keyframes[known]).astype(np.int64)
         ),
-        path_m=true_path.path_m,
+        path_m=true_path.path_m if known.any() or not len(known) else None,
         cloud=cloud,
         planes=planes,
-        map=score_map(
-            cloud,
-            keeper.faces_of(cloud.point_ids),
-            keeper.true_points(cloud.point_ids),
-            surface,
-            T_world_map,
-        ),
+        map=_score_map(record, cloud, surface, T_world_map),
         rooms=rooms,
         walls=walls,
         time=time,
     )
+
+
+def _score_map(
+    record: RunRecord, cloud: MapCloud, surface: SurfaceDistance | None, T_world_map: Array | None
+) -> MapScore:
+    if surface is None:
+        return MapScore(None, None, None)
+    faces = record.keeper.faces_of(cloud.point_ids)
+    return score_map(cloud, faces, record.keeper.true_points(cloud.point_ids), surface, T_world_map)
 
 
 def labelled_planes(record: RunRecord) -> list[LabelledPlane]:
@@ -112,6 +130,8 @@ def _score_concepts(
     record: RunRecord, planes: PlaneScore, T_world_map: Array | None
 ) -> tuple[RoomScore, WallScore, TimeScore]:
     keeper, truth = record.keeper, record.keeper.truth
+    if not truth.rooms_known:
+        return RoomScore(), WallScore(), UNKNOWN_TIME
     room_votes, wall_votes = keeper.votes(record.view, record.proposals)
     walls = score_walls(wall_votes, truth, keeper.seen)
     entered = keeper.visits.entered
@@ -133,10 +153,15 @@ def _score_concepts(
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:
     """True labels of planes, rooms and walls for graph.json: (layer, id) -> label.
 
-    "surface 3" | "floor" | "ceiling" | "none" | "mixed" for planes; a room's name or "false"; "wall
-    2" or "false".
+    "surface 3" | "mixed" | a name of ``worlds.truth.LABELS`` for planes; a room's name or "false";
+    "wall 2" or "false"; without room truth none for rooms and walls, and nothing where nothing is
+    known of the place.
     """
+    if not truth.faces:
+        return {}
     labels = {("plane", vote.plane_id): vote.label for vote in scores.planes.votes}
+    if not truth.rooms_known:
+        return labels
     for room in record.proposals.rooms if scores.T_world_map is not None else ():
         found = scores.rooms.matches.get(room.id)
         labels["room", room.id] = "false" if found is None else truth.rooms[found].name

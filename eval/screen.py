@@ -6,7 +6,7 @@ import logging
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from types import TracebackType
@@ -14,15 +14,20 @@ from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 if TYPE_CHECKING:
     from eval.metrics import Metrics, StageTime
+    from eval.scenario import Scenario
+    from eval.tables import Sheet
     from worlds.catalogue import SceneCounts
 
 OUR_PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
 PLAIN_STEPS = 10
+WIDE = 400
+"""Columns of a table that is not shown on a terminal, at most."""
 
 
 class RunProgress:
@@ -72,8 +77,8 @@ class RunProgress:
             self._told = step
             self._say(f"{self._title}: {say}")
 
-    def _say(self, line: str) -> None:
-        _line(self._console, line)
+    def _say(self, text: str) -> None:
+        line(self._console, text)
 
 
 class _WarningLines(logging.Handler):
@@ -84,8 +89,7 @@ class _WarningLines(logging.Handler):
         self._console = console
 
     def emit(self, record: logging.LogRecord) -> None:
-        line = f"roomloop: {record.levelname.lower()}: {record.getMessage()}"
-        _line(self._console, line)
+        line(self._console, f"roomloop: {record.levelname.lower()}: {record.getMessage()}")
 
 
 def our_warnings_only(console: Console) -> None:
@@ -130,18 +134,18 @@ def summary_table(metrics: Metrics) -> Table:
     table.add_column("")
     table.add_row(
         "rooms",
-        _number(rooms.precision, "{:.2f}"),
-        _number(rooms.recall, "{:.2f}"),
-        f"{_number(rooms.true_positive, '{:g}')} of {_number(rooms.detected, '{:g}')} right, "
-        f"{_number(rooms.entered)} of {_number(rooms.truth)} entered, "
-        f"IoU {_number(rooms.mean_iou, '{:.2f}')}",
+        number(rooms.precision, "{:.2f}"),
+        number(rooms.recall, "{:.2f}"),
+        f"{number(rooms.true_positive, '{:g}')} of {number(rooms.detected, '{:g}')} right, "
+        f"{number(rooms.entered)} of {number(rooms.truth)} entered, "
+        f"IoU {number(rooms.mean_iou, '{:.2f}')}",
     )
     table.add_row(
         "walls",
-        _number(walls.precision, "{:.2f}"),
-        _number(walls.recall, "{:.2f}"),
-        f"{_number(walls.true_positive)} of {_number(walls.detected)} right, "
-        f"{_number(walls.truth)} to be found",
+        number(walls.precision, "{:.2f}"),
+        number(walls.recall, "{:.2f}"),
+        f"{number(walls.true_positive)} of {number(walls.detected)} right, "
+        f"{number(walls.truth)} to be found",
     )
     for name, text in (
         ("trajectory", f"ATE {_cm(m.ate_m)} (odometry alone {_cm(m.ate_odometry_m)})"),
@@ -149,8 +153,8 @@ def summary_table(metrics: Metrics) -> Table:
         ("planes", f"RMSE {_cm(m.plane_rmse_m)}"),
         (
             "first room",
-            f"after {_number(m.first_room_s, '{:.1f} s')}; "
-            f"each: median {_number(m.room_latency_s.median, '{:.1f} s')}",
+            f"after {number(m.first_room_s, '{:.1f} s')}; "
+            f"each: median {number(m.room_latency_s.median, '{:.1f} s')}",
         ),
     ):
         table.add_row(name, "", "", text)
@@ -165,30 +169,77 @@ def stages_table(metrics: Metrics) -> Table:
     for item in fields(metrics.stages):
         stage: StageTime = getattr(metrics.stages, item.name)
         times = (stage.median_ms, stage.p95_ms, stage.total_s)
-        table.add_row(item.name, *(_number(value, "{:.1f}") for value in times))
+        table.add_row(item.name, *(number(value, "{:.1f}") for value in times))
     return table
+
+
+SUMMARY = (
+    *("rooms.precision", "rooms.recall", "walls.precision", "walls.recall"),
+    *("ate_m", "ate_odometry_m", "mma_m", "plane_rmse_m", "first_room_s"),
+)
+"""What a table of several runs shows where nothing else is asked for."""
+
+
+def seeds_table(scenario: Scenario, runs: Mapping[int, Metrics]) -> Table:
+    """One row a seed, and the mean: of what is bounded, or of ``SUMMARY``."""
+    from eval.bounds import mean_of
+    from eval.values import value_of
+
+    names = list(dict.fromkeys(bound.metric for bound in scenario.bounds)) or list(SUMMARY)
+    table = Table("seed", "status", box=SIMPLE_HEAD, title=scenario.name, title_justify="left")
+    for name in names:
+        table.add_column(name, justify="right")
+    columns = [[value_of(metrics, name) for metrics in runs.values()] for name in names]
+    for place, (seed, metrics) in enumerate(runs.items()):
+        table.add_row(
+            str(seed), metrics.status, *(number(column[place], "{:.4g}") for column in columns)
+        )
+    table.add_section()
+    table.add_row("mean", "", *(number(mean_of(column), "{:.4g}") for column in columns))
+    return table
+
+
+def output() -> Console:
+    """Standard output; wide enough for every table where no terminal limits it."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDE)
+
+
+def show_sheet(console: Console, sheet: Sheet) -> None:
+    """A table of texts under its title."""
+    from eval.tables import LEFT
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for name in sheet.head:
+        table.add_column(escape(name), justify="left" if name in LEFT else "right")
+    for place, row in enumerate(sheet.rows):
+        if place in sheet.rules:
+            table.add_section()
+        table.add_row(*map(escape, row))
+    line(console, sheet.title)
+    console.print(table)
 
 
 def show_result(console: Console, metrics: Metrics, folder: Path) -> None:
     """The tables of a finished run, and where its files are."""
     m = metrics
-    _line(console, f"{m.scene}, {m.detector}, seed {m.seed}: {m.status}")
+    line(console, f"{m.scene}, {m.detector}, seed {m.seed}: {m.status}")
     console.print(summary_table(m))
-    _line(
+    line(
         console,
-        f"{_number(m.simulated_s, '{:.1f}')} s simulated in {_number(m.wall_s, '{:.1f}')} s: "
-        f"{_number(m.real_time_factor, '{:.1f}')} times real time",
+        f"{number(m.simulated_s, '{:.1f}')} s simulated in {number(m.wall_s, '{:.1f}')} s: "
+        f"{number(m.real_time_factor, '{:.1f}')} times real time",
     )
     console.print(stages_table(m))
-    _line(console, f"files: {folder}")
+    line(console, f"files: {folder}")
 
 
-def _line(console: Console, text: str) -> None:
+def line(console: Console, text: str) -> None:
     """A line as it is: no markup, no wrapping, so that scripts can read it."""
     console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
-def _number(value: float | str | None, form: str = "{}") -> str:
+def number(value: float | str | None, form: str = "{}") -> str:
     """A value for people; whole numbers stay whole, what does not apply is a dash."""
     if value is None:
         return "-"

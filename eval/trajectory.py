@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam.core import Array, InputError, IntArray, inverse
 
@@ -60,6 +61,11 @@ class TrajectoryScore:
     yaw_deg: float | None
     ate_origin: float | None
     rpe_percent: float | None
+
+
+def part_of(trajectory: Trajectory, rows: NDArray[np.bool_]) -> Trajectory:
+    """The poses of ``rows`` (N,)."""
+    return Trajectory(trajectory.stamps[rows], trajectory.poses[rows])
 
 
 def travelled(positions: Array) -> Array:

@@ -1,12 +1,14 @@
-"""From the probabilities of edges to rooms and walls (paper, III-C), no size set in advance."""
+"""From the probabilities of edges to rooms (paper, III-C), with no size set in advance."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from semantics.preprocess import Pieces
 from slam.core import Array, IntArray
@@ -14,50 +16,97 @@ from slam.core import Array, IntArray
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """room, wall: least probability of an edge for two clusters to be one room, and of a pair to
-    be a wall; certain: probabilities are cut off at this, so that no single edge decides; sides:
-    least number of pieces of a room; open_side: widest angle [rad] that no side of a room faces;
-    corridor_*: two sides alone are a room if they face each other for this long [m] and this many
-    times their distance; wall_gap: (least, largest) distance [m] of a wall's faces, wall_overlap:
-    least common length [m], wall_angle [rad]: between them.
+    """room: least probability of an edge for two clusters to be one room; certain: probabilities
+    are cut off at this, so that no single edge decides; sides: least number of pieces of a room;
+    open_side: widest angle [rad] that no side of a room faces; corridor_*: two sides alone are a
+    room if they face each other for this long [m] and this many times their distance.
     """
 
     room: float = 0.7
-    wall: float = 0.5
     certain: float = 0.99
     sides: int = 3
     open_side: float = np.radians(200.0)
     corridor_length: float = 3.0
     corridor_ratio: float = 2.0
-    wall_gap: tuple[float, float] = (0.03, 0.65)
-    wall_overlap: float = 0.3
-    wall_angle: float = np.radians(8.0)
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """Places of the pieces of one room, and the mean probability of the edges that hold it."""
+class Clusters:
+    """label: (M,) the cluster that each piece is in, -1 for none; confidence: (K,) of each, the
+    mean probability of the edges that hold it, 0 for a piece alone."""
 
-    members: IntArray
-    confidence: float
+    label: IntArray
+    confidence: Array
+
+    def groups(self) -> list[IntArray]:
+        """Places of the pieces of each cluster, in order."""
+        order = np.argsort(self.label, kind="stable")
+        bounds = np.searchsorted(self.label[order], np.arange(len(self.confidence) + 1))
+        return [order[a:b] for a, b in pairwise(bounds.tolist())]
 
 
-def agglomerate(
-    count: int, pairs: IntArray, probability: Array, config: ClusterConfig
-) -> list[Cluster]:
+def labelled(label: IntArray, pairs: IntArray, probability: Array) -> Clusters:
+    """Clusters from labels 0, 1, ... (-1: none), with the confidence that the edges give them."""
+    count = int(label.max(initial=-1)) + 1
+    first, second = label[pairs[:, 0]], label[pairs[:, 1]]
+    inside = (first == second) & (first >= 0)
+    total = np.bincount(first[inside], weights=probability[inside], minlength=count)
+    number = np.bincount(first[inside], minlength=count)
+    return Clusters(label, total / np.maximum(number, 1))
+
+
+def agglomerate(count: int, pairs: IntArray, probability: Array, config: ClusterConfig) -> Clusters:
     """Average linkage on log-odds: the two clusters whose edges speak loudest become one, until
     none speak for it on average. Pairs without an edge are silent.
+
+    Only pieces that are joined by a chain of edges in favour can end in one cluster, and where all
+    edges among those are in favour they do; so only contradictions cost time.
     """
+    odds = _odds(probability, config)
+    part = _parts(count, pairs[odds > 0.0])
+    inner = part[pairs[:, 0]] == part[pairs[:, 1]]
+    contradicted = np.unique(part[pairs[inner & (odds <= 0.0), 0]])
+    label = part.copy()
+    rank = np.searchsorted(contradicted, part[pairs[:, 0]])
+    mine = np.append(contradicted, -1)[rank] == part[pairs[:, 0]]
+    chosen = np.flatnonzero(inner & mine)
+    chosen = chosen[np.argsort(rank[chosen], kind="stable")]
+    bounds = np.searchsorted(rank[chosen], np.arange(len(contradicted) + 1))
+    top = int(part.max(initial=-1)) + 1
+    for a, b in pairwise(bounds.tolist()):
+        edges = chosen[a:b]
+        members, local = np.unique(pairs[edges], return_inverse=True)
+        found = _linked(len(members), local.reshape(-1, 2), odds[edges])
+        label[members] = np.where(found == 0, label[members], top + found - 1)
+        top += int(found.max())
+    _, label = np.unique(label, return_inverse=True)
+    return labelled(label.astype(np.int64), pairs, probability)
+
+
+def _odds(probability: Array, config: ClusterConfig) -> Array:
+    """(P,) log-odds, cut off, above those at which two pieces become one room."""
     limit = np.log(config.certain / (1.0 - config.certain))
     odds = np.log(np.maximum(probability, 1e-9) / np.maximum(1.0 - probability, 1e-9))
-    odds = np.clip(odds, -limit, limit) - np.log(config.room / (1.0 - config.room))
+    return np.clip(odds, -limit, limit) - np.log(config.room / (1.0 - config.room))
+
+
+def _parts(count: int, pairs: IntArray) -> IntArray:
+    """(count,) connected parts."""
+    links = coo_array(
+        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), (count,) * 2
+    )
+    return connected_components(links, directed=False)[1].astype(np.int64)
+
+
+def _linked(count: int, pairs: IntArray, odds: Array) -> IntArray:
+    """(count,) clusters 0, 1, ... by average linkage; a heap of offers, stale ones are ignored."""
     links: list[dict[int, tuple[float, int]]] = [{} for _ in range(count)]
     for (i, j), value in zip(pairs.tolist(), odds.tolist(), strict=True):
         links[i][j] = links[j][i] = (value, 1)
     members: dict[int, list[int]] = {i: [i] for i in range(count)}
     heap = [
         (-value, i, j, 1, 1)
-        for (i, j), value in zip(pairs.tolist(), odds, strict=True)
+        for (i, j), value in zip(pairs.tolist(), odds.tolist(), strict=True)
         if value > 0
     ]
     heapq.heapify(heap)
@@ -66,10 +115,10 @@ def agglomerate(
         current = (len(members.get(i, ())), len(members.get(j, ())))
         if current == (size_i, size_j):
             _merge(i, j, members, links, heap)
-    return [
-        Cluster(np.array(sorted(group)), _confidence(group, pairs, probability, count))
-        for group in members.values()
-    ]
+    label = np.zeros(count, dtype=np.int64)
+    for number, group in enumerate(members.values()):
+        label[group] = number
+    return label
 
 
 def _merge(
@@ -93,13 +142,6 @@ def _merge(
         if value > 0.0:
             a, b = min(i, k), max(i, k)
             heapq.heappush(heap, (-value / number, a, b, len(members[a]), len(members[b])))
-
-
-def _confidence(group: list[int], pairs: IntArray, probability: Array, count: int) -> float:
-    inside = np.zeros(count, dtype=bool)
-    inside[group] = True
-    held = inside[pairs].all(axis=1)
-    return float(probability[held].mean()) if held.any() else 0.0
 
 
 def is_room(pieces: Pieces, config: ClusterConfig) -> bool:
@@ -127,48 +169,3 @@ def _corridor(pieces: Pieces, config: ClusterConfig) -> bool:
         gap = (pieces.centre[other] - pieces.centre[first]) @ normal
         return bool(gap > 0.5 and common > max(config.corridor_length, config.corridor_ratio * gap))
     return False
-
-
-def walls_of(
-    pieces: Pieces,
-    pairs: IntArray,
-    probability: Array,
-    clusters: Sequence[Cluster],
-    config: ClusterConfig,
-) -> list[tuple[int, int, float]]:
-    """(i, j, confidence) of pairs that are two faces of a wall: likely, back to back, and not far.
-
-    A long face may have a wall with each of several rooms behind it; but what one room has of a
-    plane is one face, in however many pieces: of those the pair with most in common stands for all.
-    """
-    if len(pairs) == 0:
-        return []
-    common = _back_to_back(pieces, pairs, config)
-    good = np.flatnonzero((common > config.wall_overlap) & (probability > config.wall))
-    cluster = np.zeros(len(pieces), dtype=np.int64)
-    for number, group in enumerate(clusters):
-        cluster[group.members] = number
-    best: dict[frozenset[tuple[int, int]], int] = {}
-    for p in good[np.argsort(-common[good], kind="stable")].tolist():
-        faces = frozenset((int(pieces.plane_id[k]), int(cluster[k])) for k in pairs[p])
-        best.setdefault(faces, p)
-    return [
-        (int(pairs[p, 0]), int(pairs[p, 1]), float(probability[p])) for p in sorted(best.values())
-    ]
-
-
-def _back_to_back(pieces: Pieces, pairs: IntArray, config: ClusterConfig) -> Array:
-    """(P,) length that two pieces have in common across a wall body [m]; 0 where there is none."""
-    i, j = pairs.T
-    normal = pieces.normal
-    opposed = np.einsum("pc,pc->p", normal[i], normal[j]) < -np.cos(config.wall_angle)
-    away = pieces.centre[j] - pieces.centre[i]
-    depth_i = -np.einsum("pc,pc->p", away, normal[i])
-    depth_j = np.einsum("pc,pc->p", away, normal[j])
-    low, high = config.wall_gap
-    near = (np.minimum(depth_i, depth_j) > low) & (np.maximum(depth_i, depth_j) < high)
-    axis = np.column_stack([-normal[:, 1], normal[:, 0]])[i]
-    along_i = np.sort(np.einsum("pkc,pc->pk", pieces.segment[i], axis), axis=1)
-    along_j = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], axis), axis=1)
-    common = np.minimum(along_i[:, 1], along_j[:, 1]) - np.maximum(along_i[:, 0], along_j[:, 0])
-    return np.where(opposed & near, np.maximum(common, 0.0), 0.0)

@@ -1,171 +1,140 @@
 """The training set: random buildings, half seen, as the plane mapper would have mapped them.
 
-A building of ``worlds.generator`` gives exact faces. A robot that has been in some of its rooms has
-seen their faces, and glimpses of others through doors; its mapper joined what lies on one plane,
-shifted and turned each a little, and now and then made two planes of one or one of clutter. What
-comes out are ``MapPlane`` objects, cut into pieces by the code that also runs in the loop, so that
-training and inference see the same thing. Labels are those of the points, as in the scoring.
+A building of ``worlds.generator`` gives exact faces, and a walk through it what was seen of each.
+The mapper joined what lies on one plane, shifted and turned each a little (by as much as it was
+measured to do in simulated runs, ``plane_noise.csv``), and now and then made two planes of one or
+one of clutter. What comes out are ``MapPlane`` objects, cut into pieces by the code that also runs
+in the loop, so that training and inference see the same thing. Labels are those of the points, as
+in the scoring.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
+from shapely.geometry import MultiPoint
 
 from semantics.preprocess import Pieces, Preprocessor
-from semantics.proximity import ProximityGraph, features_named, proximity_graph
+from semantics.sight import SightConfig, seen, walk
 from slam.core import Array, IntArray, MapPlane
 from worlds.conditions import conditions_named
 from worlds.generator import GeneratorConfig, random_plan
-from worlds.truth import Face, Truth
+from worlds.truth import Truth
 from worlds.world import true_world
+
+NOISE = Path(__file__).parent / "plane_noise.csv"
+"""Length of a mapped plane [m], how far it was turned [rad] and shifted [m] off the true one."""
+
+
+def buildings(shear: float) -> GeneratorConfig:
+    """Random buildings with more of what is hard than there is in most: L- and T-shapes, slanted
+    and round corners; shear: share of those whose walls do not meet at right angles."""
+    return GeneratorConfig(carve=0.25, join=0.12, chamfer=0.08, curve=0.4, shear=shear)
 
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """layouts: buildings; views: samples of each, after different numbers of rooms. Chances and
-    sigmas of what mapping does: drop: of a face never mapped; glimpse: of a face of a neighbouring
-    room seen through a door; trim [m]: mean length lost at an end; turn [rad] and shift [m] of a
-    mapped plane; twin: of a second plane for a face; clutter: mean number of short planes of no
-    room in a room; join [m]: gap over which coplanar faces become one plane; spacing [m] of points.
+    """layouts: buildings; views: samples of each, after different walks. Chances and sizes of what
+    mapping does: drop: of a face never mapped; noise: deviation of the logarithm by which a map is
+    noisier than the measured ones; twin: of a second plane for a face; clutter: mean number of
+    cupboards and the like in a room; join [m]: gap over which coplanar faces become one plane;
+    spacing [m] of points.
     """
 
-    layouts: int = 1200
-    views: int = 2
-    drop: float = 0.04
-    glimpse: float = 0.45
-    trim: float = 0.15
-    turn: float = np.radians(0.4)
-    shift: float = 0.015
-    twin: float = 0.03
-    clutter: float = 0.15
+    layouts: int = 700
+    views: int = 3
+    drop: float = 0.03
+    noise: float = 0.7
+    twin: float = 0.02
+    clutter: float = 0.2
     join: float = 1.0
     spacing: float = 0.1
-    generator: GeneratorConfig = field(default_factory=GeneratorConfig)
+    sight: SightConfig = field(default_factory=SightConfig)
+    generator: GeneratorConfig = field(default_factory=lambda: buildings(shear=0.15))
+
+    def draw(self, seed: np.random.SeedSequence) -> list[Sample]:
+        """Every view of one building."""
+        rng = np.random.default_rng(seed)
+        truth = true_world(random_plan(rng, self.generator), seed, conditions_named("as-built"))
+        return [view_of(truth, self, rng) for _ in range(self.views)]
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One view: the pieces, their true faces (M,) or -1, rooms (M,) or -1, and labels of pairs.
-
-    pairs: (P, 2) i < j as in the proximity graph; same_room, same_wall: (P,) bool.
-    """
+    """One view: the pieces, their true faces (M,) and rooms (M,), -1 for none; walls: (W, 2) the
+    faces of each true wall."""
 
     pieces: Pieces
-    graph: ProximityGraph
     face: IntArray
     room: IntArray
-    same_room: np.ndarray
-    same_wall: np.ndarray
+    walls: IntArray
 
 
-def samples(config: DatasetConfig, seed: np.random.SeedSequence, features: str) -> Iterator[Sample]:
-    """Every view of every building, in order; the same seed gives the same samples."""
-    for child in seed.spawn(config.layouts):
-        rng = np.random.default_rng(child)
-        truth = true_world(random_plan(rng, config.generator), child, conditions_named("as-built"))
-        for _ in range(config.views):
-            sample = view_of(truth, config, rng, features)
-            if sample is not None:
-                yield sample
+class TrainingSet(Protocol):
+    """Something that samples can be drawn from; the same seed gives the same samples."""
+
+    @property
+    def layouts(self) -> int:
+        """How many buildings it has."""
+        ...
+
+    def draw(self, seed: np.random.SeedSequence) -> list[Sample]:
+        """The samples of one building."""
+        ...
 
 
-def view_of(
-    truth: Truth, config: DatasetConfig, rng: np.random.Generator, features: str
-) -> Sample | None:
-    """One partial view of a building; None where it has no two pieces that are close."""
-    seen = _seen(truth, config, rng)
-    planes, labels = _mapped(truth, seen, config, rng)
+def samples(training_set: TrainingSet, seed: np.random.SeedSequence) -> Iterator[Sample]:
+    """Every sample of every building, in order."""
+    for child in seed.spawn(training_set.layouts):
+        yield from training_set.draw(child)
+
+
+def view_of(truth: Truth, config: DatasetConfig, rng: np.random.Generator) -> Sample:
+    """What one walk through a building has made of it."""
+    clutter = list(_clutter(truth, config, rng))
+    stops = walk(truth, rng, config.sight)
+    in_the_way = np.array([ends for ends, _ in clutter]).reshape(-1, 2, 2)
+    visible = seen(truth, stops, in_the_way, config.sight)
+    visible = {face: parts for face, parts in visible.items() if rng.random() > config.drop}
+    near = [item for item in clutter if _is_near(item[0], stops)]
+    planes, labels = _mapped(truth, visible, near, config, rng)
     pieces = Preprocessor()(planes)
-    graph = proximity_graph(pieces, features_named(features))
-    if len(graph.source) == 0:
-        return None
     face = _faces_of(pieces, planes, labels)
     room_of = np.array([f.room for f in truth.faces] + [-1])
-    room = room_of[face]
-    return Sample(
-        pieces,
-        graph,
-        face,
-        room,
-        same_room_labels(graph.pairs, room),
-        same_wall_labels(graph.pairs, face, truth),
-    )
-
-
-# --- what has been seen --------------------------------------------------------------------------
-
-
-def _seen(truth: Truth, config: DatasetConfig, rng: np.random.Generator) -> dict[int, Array]:
-    """Face -> (K, 2) stretches along its segment [m] that some scan has reached."""
-    visited, beside = _visited(truth, rng)
-    seen: dict[int, Array] = {}
-    for room in truth.rooms:
-        for face in room.faces:
-            if room.id in visited:
-                chance = 1.0 - config.drop
-            else:
-                chance = config.glimpse if room.id in beside else 0.0
-            if rng.random() < chance:
-                full = room.id in visited and rng.random() < 0.9
-                stretches = _stretches(truth.faces[face], full, config, rng)
-                if len(stretches):
-                    seen[face] = stretches
-    return seen
-
-
-def _visited(truth: Truth, rng: np.random.Generator) -> tuple[set[int], set[int]]:
-    """Rooms that the robot has been in, walking through doors, and the rooms beside them."""
-    beside: dict[int, set[int]] = {room.id: set() for room in truth.rooms}
-    for door in truth.doors:
-        a, b = door.rooms
-        if a is not None and b is not None:
-            beside[a].add(b)
-            beside[b].add(a)
-    visited = {int(rng.integers(len(truth.rooms)))}
-    for _ in range(int(rng.integers(len(truth.rooms)))):
-        border = sorted(set().union(*(beside[room] for room in visited)) - visited)
-        if not border:
-            break
-        visited.add(int(rng.choice(border)))
-    return visited, set().union(*(beside[room] for room in visited)) - visited
-
-
-def _stretches(face: Face, full: bool, config: DatasetConfig, rng: np.random.Generator) -> Array:
-    """Parts of a face, along its segment [m], with ends lost; or a glimpse of some of it."""
-    origin, run = face.segment[0], face.segment[1] - face.segment[0]
-    length = float(np.linalg.norm(run))
-    parts = np.sort((face.parts - origin) @ (run / length), axis=1)
-    low, high = rng.exponential(config.trim, 2) * [1.0, -1.0] + [0.0, length]
-    if not full:
-        width = length * rng.uniform(0.15, 1.0)
-        low = rng.uniform(0.0, length - width)
-        high = low + width
-    clipped = np.clip(parts, low, high)
-    return clipped[clipped[:, 1] - clipped[:, 0] > 0.1]
+    walls = np.array([wall.faces for wall in truth.walls], dtype=np.int64).reshape(-1, 2)
+    return Sample(pieces, face, room_of[face], walls)
 
 
 # --- what is mapped ------------------------------------------------------------------------------
 
 
 def _mapped(
-    truth: Truth, seen: dict[int, Array], config: DatasetConfig, rng: np.random.Generator
+    truth: Truth,
+    visible: dict[int, Array],
+    clutter: Sequence[tuple[Array, Array]],
+    config: DatasetConfig,
+    rng: np.random.Generator,
 ) -> tuple[list[MapPlane], list[IntArray]]:
     """Mapped planes, and the true face of each of their points."""
     turn = rng.uniform(-np.pi, np.pi)
     heading = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    scale = float(np.exp(rng.normal(0.0, config.noise)))
     planes: list[MapPlane] = []
     labels: list[IntArray] = []
-    for group in _groups(truth, seen, config.join):
+    for group in _groups(truth, visible, config.join):
         for _ in range(1 + (rng.random() < config.twin)):
-            points, label = _points(truth, group, seen, config, rng)
+            points, label = _points(truth, group, visible, config, rng)
             normal = truth.faces[group[0]].normal
-            planes.append(_plane(len(planes), points, normal, heading, config, rng))
+            planes.append(_plane(len(planes), points, normal, heading, scale, rng))
             labels.append(label)
-    for points, normal in _clutter(truth, seen, config, rng):
-        planes.append(_plane(len(planes), points, normal, heading, config, rng))
+    for ends, normal in clutter:
+        points = _on(ends, config.spacing, (0.1, 1.8), rng)
+        planes.append(_plane(len(planes), points, normal, heading, scale, rng))
         labels.append(np.full(len(points), -1))
     return planes, labels
 
@@ -204,13 +173,21 @@ def _points(
         shape = truth.faces[face]
         run = shape.segment[1] - shape.segment[0]
         direction = run / np.linalg.norm(run)
-        for low, high in seen[face]:
-            along = np.arange(low, high, config.spacing)
-            place = shape.segment[0] + np.repeat(along, 4)[:, None] * direction
-            height = rng.uniform(*shape.z_range, len(place))
-            points.append(np.column_stack([place, height]))
-            labels.append(np.full(len(place), face))
+        for stretch in seen[face]:
+            ends = shape.segment[0] + stretch[:, None] * direction
+            points.append(_on(ends, config.spacing, shape.z_range, rng))
+            labels.append(np.full(len(points[-1]), face))
     return np.concatenate(points), np.concatenate(labels)
+
+
+def _on(
+    ends: Array, spacing: float, heights: tuple[float, float], rng: np.random.Generator
+) -> Array:
+    """Points (N, 3) above a segment (2, 2)."""
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    along = np.repeat(np.arange(0.0, length, spacing) / length, 4)
+    place = ends[0] + along[:, None] * (ends[1] - ends[0])
+    return np.column_stack([place, rng.uniform(*heights, len(place))])
 
 
 def _plane(
@@ -218,15 +195,17 @@ def _plane(
     points: Array,
     normal: Array,
     heading: Array,
-    config: DatasetConfig,
+    scale: float,
     rng: np.random.Generator,
 ) -> MapPlane:
     """The plane as mapped: turned, shifted, in a map of any heading."""
-    angle = rng.normal(0.0, config.turn)
     level = normal[:2] / np.linalg.norm(normal[:2])
-    level = level + angle * np.array([-level[1], level[0]])
+    middle = points[:, :2].mean(axis=0)
+    reach = (points[:, :2] - middle) @ np.array([-level[1], level[0]])
+    turn, shift = _noise(float(np.ptp(reach)), scale, rng)
+    middle = middle + shift * level
+    level = level + np.tan(turn) * np.array([-level[1], level[0]])
     level /= np.linalg.norm(level)
-    middle = points[:, :2].mean(axis=0) + rng.normal(0.0, config.shift) * level
     off = (points[:, :2] - middle) @ level
     flat = points[:, :2] - off[:, None] * level
     mapped_normal = np.append(heading @ level, 0.0)
@@ -241,21 +220,52 @@ def _plane(
     )
 
 
+@cache
+def _measured() -> Array:
+    """(M, 3) rows of ``NOISE``, by length."""
+    rows = np.loadtxt(NOISE, delimiter=",", skiprows=1)
+    return np.asarray(rows[np.argsort(rows[:, 0], kind="stable")])
+
+
+def _noise(length: float, scale: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Turn [rad] and shift [m] of a mapped plane that long: those of one about as long."""
+    rows = _measured()
+    place = int(np.searchsorted(rows[:, 0], length)) + int(rng.integers(-NEAR, NEAR + 1))
+    _, turn, shift = rows[min(max(place, 0), len(rows) - 1)] * scale * rng.choice([-1.0, 1.0])
+    return float(np.clip(turn, -0.5, 0.5)), float(shift)
+
+
+NEAR = 12
+"""Rows of the measured noise, up and down, that a plane's own is drawn from."""
+
+
 def _clutter(
-    truth: Truth, seen: dict[int, Array], config: DatasetConfig, rng: np.random.Generator
+    truth: Truth, config: DatasetConfig, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array]]:
-    """Short upright planes that stand about in rooms: cupboards, boxes, open door leaves."""
-    for room in sorted({truth.faces[face].room for face in seen}):
-        low_x, low_y, high_x, high_y = truth.rooms[room].polygon.bounds
+    """Short upright planes that stand about in rooms, (2, 2) ends and (3,) normal: door leaves,
+    and two sides of cupboards and pillars."""
+    for room in truth.rooms:
+        low_x, low_y, high_x, high_y = room.polygon.bounds
         for _ in range(rng.poisson(config.clutter)):
             angle = rng.uniform(-np.pi, np.pi)
-            middle = rng.uniform([low_x, low_y], [high_x, high_y])
-            length = rng.uniform(0.4, 1.6)
-            along = np.repeat(np.arange(-0.5 * length, 0.5 * length, config.spacing), 4)
+            if rng.random() < 0.7 and room.faces:
+                normal = truth.faces[int(rng.choice(room.faces))].normal
+                angle = np.arctan2(normal[1], normal[0])
             direction = np.array([np.cos(angle), np.sin(angle)])
-            place = middle + along[:, None] * direction
-            points = np.column_stack([place, rng.uniform(0.1, 1.8, len(place))])
-            yield points, np.array([-direction[1], direction[0], 0.0])
+            left = np.array([-direction[1], direction[0]])
+            corner = rng.uniform([low_x, low_y], [high_x, high_y])
+            width, depth = rng.uniform(0.4, 1.8), rng.uniform(0.4, 1.0)
+            ends = np.array([corner, corner + width * direction, corner + depth * left])
+            if not room.polygon.covers(MultiPoint(ends)):
+                continue
+            yield ends[[0, 1]], np.append(-left, 0.0)
+            if rng.random() < 0.6:
+                yield ends[[0, 2]], np.append(-direction, 0.0)
+
+
+def _is_near(ends: Array, stops: Array, reach: float = 6.0) -> bool:
+    """Is some stop within reach of a thing in a room?"""
+    return bool(np.linalg.norm(stops - ends.mean(axis=0), axis=1).min() < reach)
 
 
 # --- labels --------------------------------------------------------------------------------------
@@ -273,16 +283,18 @@ def _faces_of(pieces: Pieces, planes: list[MapPlane], labels: list[IntArray]) ->
     return faces
 
 
-def same_room_labels(pairs: IntArray, room: IntArray) -> np.ndarray:
-    """(P,) are both pieces of one room?"""
+NONE, SAME_ROOM, SAME_WALL = 0, 1, 2
+"""Labels of pairs."""
+
+
+def labels_of(sample: Sample, pairs: IntArray) -> IntArray:
+    """(P,) what each pair (P, 2) of a sample's pieces is."""
     i, j = pairs.T
-    return (room[i] == room[j]) & (room[i] >= 0)
-
-
-def same_wall_labels(pairs: IntArray, face: IntArray, truth: Truth) -> np.ndarray:
-    """(P,) are the pieces' faces the two faces of a wall?"""
-    count = len(truth.faces)
-    walls = {a * count + b for wall in truth.walls for a, b in (wall.faces, wall.faces[::-1])}
-    keys = face[pairs[:, 0]] * count + face[pairs[:, 1]]
-    known = (face[pairs] >= 0).all(axis=1)
-    return known & np.isin(keys, np.array(sorted(walls), dtype=np.int64))
+    label = np.full(len(pairs), NONE, dtype=np.int64)
+    label[(sample.room[i] == sample.room[j]) & (sample.room[i] >= 0)] = SAME_ROOM
+    count = int(max(sample.face.max(initial=0), sample.walls.max(initial=0))) + 1
+    walls = np.concatenate([sample.walls, sample.walls[:, ::-1]])
+    known = (sample.face[i] >= 0) & (sample.face[j] >= 0)
+    keys = sample.face[i] * count + sample.face[j]
+    label[known & np.isin(keys, walls[:, 0] * count + walls[:, 1])] = SAME_WALL
+    return label

@@ -2,109 +2,152 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Generic, TypeVar
 
-from semantics.clusters import Cluster, ClusterConfig, agglomerate, is_room, walls_of
+import numpy as np
+
+from semantics.clusters import ClusterConfig, Clusters, agglomerate, is_room
+from semantics.cycles import cycles, has_opposed_sides, mean_centre
+from semantics.edges import EdgeModel, Edges, LocalEdges
+from semantics.habit import Habit
 from semantics.outline import room_outline
 from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor
-from semantics.proximity import features_named, proximity_graph
 from semantics.tracker import RoomTracker, WallTracker
+from semantics.walls import WallConfig, walls_of
 from slam.core import Array, InputError, IntArray, MapView, Proposals, RoomProposal, WallProposal
-
-if TYPE_CHECKING:
-    from semantics.network import EdgeClassifier
 
 WEIGHTS = Path(__file__).parent / "weights"
 """The weights that ship; ``roomloop train`` makes them."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Clustering:
+    """How edges become rooms. group: pieces into clusters; holds: is a cluster a room; centre: of
+    a room (pieces, the outline's centre)."""
+
+    group: Callable[[int, IntArray, Array, ClusterConfig], Clusters]
+    holds: Callable[[Pieces, ClusterConfig], bool]
+    centre: Callable[[Pieces, Array], Array]
+
+
+LINKAGE = Clustering(agglomerate, is_room, lambda sides, centre: centre)
+CYCLES = Clustering(cycles, has_opposed_sides, lambda sides, centre: mean_centre(sides))
 
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """weights: folder with same_room.npz and same_wall.npz; thresholds are in ``clusters``."""
+    """weights: files of the networks, which together tell both relations; habit: log-odds by which
+    pieces that were in one room lean to be so again."""
 
-    weights: Path = WEIGHTS
+    weights: tuple[Path, ...] = (WEIGHTS / "gnn.npz",)
+    clustering: Clustering = LINKAGE
     clusters: ClusterConfig = field(default_factory=ClusterConfig)
+    walls: WallConfig = field(default_factory=WallConfig)
+    habit: float = 1.0
     preprocess: PreprocessConfig = field(default_factory=PreprocessConfig)
 
 
 CONSERVATIVE = DetectorConfig()
-GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.4, wall=0.3))
-PRESETS = {"gnn": CONSERVATIVE, "gnn-greedy": GREEDY}
+GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.4), walls=WallConfig(wall=0.3))
+PAPER = DetectorConfig(
+    weights=(WEIGHTS / "paper_same_room.npz", WEIGHTS / "paper_same_wall.npz"), clustering=CYCLES
+)
+PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.3), walls=WallConfig(wall=0.3))
+PRESETS = {
+    "gnn": CONSERVATIVE,
+    "gnn-greedy": GREEDY,
+    "paper": PAPER,
+    "paper-greedy": PAPER_GREEDY,
+}
 
 
 def make_detector(name: str) -> GnnDetector:
-    """The learned detector at one of its thresholds: gnn (conservative) or gnn-greedy."""
+    """A learned detector: ours (gnn) or the paper's, conservative or greedy."""
     if name not in PRESETS:
         raise InputError(f"detector: {name!r} is unknown, expected one of {', '.join(PRESETS)}")
     return GnnDetector(PRESETS[name])
 
 
 class GnnDetector:
-    """Two edge classifiers (paper, III-B) and a clustering; rooms and walls keep their ids."""
+    """Edges by the networks (paper, III-B), rooms and walls of them, which keep their ids."""
 
     def __init__(self, config: DetectorConfig = CONSERVATIVE):
         self._config = config
         self._preprocess = Preprocessor(config.preprocess)
-        self._room_edges = _EdgeModel(config.weights / "same_room.npz")
-        self._wall_edges = _EdgeModel(config.weights / "same_wall.npz")
-        self._rooms = RoomTracker()
-        self._walls = WallTracker()
+        self._edges = LocalEdges(EdgeModel(config.weights))
+        self._rooms, self._walls = RoomTracker(), WallTracker()
+        self._habit = Habit(config.habit)
+        self._known_rooms = _Kept[RoomProposal | None]()
+        self._known_walls = _Kept[WallProposal]()
 
     def update(self, view: MapView) -> Proposals:
         """All rooms and walls of the map as it is now. Raises InputError for broken planes."""
+        config = self._config
         pieces = self._preprocess(view.planes)
-        pairs, probability = self._room_edges(pieces)
-        clusters = agglomerate(len(pieces), pairs, probability, self._config.clusters)
+        edges = self._edges(pieces)
+        steady = self._habit.lean(pieces, edges)
+        clusters = config.clustering.group(len(pieces), edges.pairs, steady, config.clusters)
+        self._habit.remember(pieces, clusters)
+        chosen = walls_of(pieces, edges.pairs, edges.wall, clusters.label, config.walls)
         rooms = self._find_rooms(pieces, clusters)
-        walls = self._find_walls(pieces, clusters)
+        walls = self._find_walls(pieces, edges.take(chosen))
         return Proposals(self._rooms.update(rooms), self._walls.update(walls))
 
-    def _find_rooms(self, pieces: Pieces, clusters: Sequence[Cluster]) -> list[RoomProposal]:
-        found = []
-        for cluster in clusters:
-            sides = pieces.take(cluster.members)
-            if not is_room(sides, self._config.clusters):
-                continue
-            polygon, centre = room_outline(sides)
-            members = tuple(pieces.piece(int(place)) for place in cluster.members)
-            found.append(RoomProposal(-1, members, polygon, centre, cluster.confidence))
-        return found
+    def _find_rooms(self, pieces: Pieces, clusters: Clusters) -> list[RoomProposal]:
+        groups = [group for group in clusters.groups() if len(group) > 1]
+        confidence = [float(clusters.confidence[clusters.label[group[0]]]) for group in groups]
 
-    def _find_walls(self, pieces: Pieces, clusters: Sequence[Cluster]) -> list[WallProposal]:
-        pairs, probability = self._wall_edges(pieces)
-        found = walls_of(pieces, pairs, probability, clusters, self._config.clusters)
-        return [
-            WallProposal(-1, (pieces.piece(i), pieces.piece(j)), confidence)
-            for i, j, confidence in found
+        def make(place: int) -> RoomProposal | None:
+            return self._room(pieces.take(groups[place]), confidence[place])
+
+        states = _states(pieces)
+        keys = [
+            (states[group].tobytes(), round(c, 1))
+            for group, c in zip(groups, confidence, strict=True)
         ]
+        return [room for room in self._known_rooms(keys, make) if room is not None]
+
+    def _room(self, sides: Pieces, confidence: float) -> RoomProposal | None:
+        """The room that these sides make; None if they make none."""
+        if not self._config.clustering.holds(sides, self._config.clusters):
+            return None
+        polygon, centre = room_outline(sides)
+        members = tuple(sides.piece(place) for place in range(len(sides)))
+        centre = self._config.clustering.centre(sides, centre)
+        return RoomProposal(-1, members, polygon, centre, confidence)
+
+    def _find_walls(self, pieces: Pieces, edges: Edges) -> list[WallProposal]:
+        def make(place: int) -> WallProposal:
+            i, j = edges.pairs[place].tolist()
+            return WallProposal(-1, (pieces.piece(i), pieces.piece(j)), float(edges.wall[place]))
+
+        states = _states(pieces)[edges.pairs]
+        keys = [
+            (state.tobytes(), round(c, 1))
+            for state, c in zip(states, edges.wall.tolist(), strict=True)
+        ]
+        return self._known_walls(keys, make)
 
 
-class _EdgeModel:
-    """One network with its features and its calibration."""
-
-    def __init__(self, path: Path):
-        self._model, self._temperature, features = _loaded(path)
-        self._features = features_named(features)
-
-    def __call__(self, pieces: Pieces) -> tuple[IntArray, Array]:
-        """pairs (P, 2) and their probabilities (P,)."""
-        from semantics.network import probabilities
-
-        graph = proximity_graph(pieces, self._features)
-        return graph.pairs, probabilities(self._model, self._temperature, graph)
+def _states(pieces: Pieces) -> Array:
+    """(M, 7) what a proposal depends on of each piece."""
+    return np.column_stack([pieces.plane_id, pieces.segment.reshape(-1, 4), pieces.normal])
 
 
-@cache
-def _loaded(path: Path) -> tuple[EdgeClassifier, float, str]:
-    """Reading weights takes longer than an inference; they are the same for every run."""
-    import torch
+class _Kept(Generic[T]):
+    """What was made last time and comes again, as the same object: the same pieces, and a
+    confidence that is the same to a tenth."""
 
-    from semantics.network import load
+    def __init__(self) -> None:
+        self._known: dict[tuple[bytes, float], T] = {}
 
-    torch.set_num_threads(1)  # graphs are small: more threads only get in each other's way
-    model, checkpoint = load(path)
-    return model, checkpoint.temperature, checkpoint.network.features
+    def __call__(self, keys: Sequence[tuple[bytes, float]], make: Callable[[int], T]) -> list[T]:
+        known = self._known
+        self._known = {
+            key: known[key] if key in known else make(place) for place, key in enumerate(keys)
+        }
+        return list(self._known.values())

@@ -1,8 +1,9 @@
 """The networks that tell which plane pieces share a room and which are the two faces of a wall.
 
 Encoder and decoder as the paper has them (III-B, equations 1 to 3), in plain torch: graphs of a few
-hundred nodes need no more. N nodes, E directed edges (both directions of every pair, see
-``semantics.proximity``), C channels, H heads.
+hundred nodes need no more. The paper has one network for each relation; one network may also tell
+several apart. N nodes, E directed edges (both directions of every pair, see
+``semantics.proximity``), C channels, H heads, R relations.
 """
 
 from __future__ import annotations
@@ -20,23 +21,25 @@ from torch import Tensor, nn
 from semantics.proximity import ProximityGraph
 from slam.core import Array, InputError
 
-FORMAT = "roomloop-weights-1"
+FORMAT = "roomloop-weights-2"
 SLOPE = 0.2
 """Of the leaky rectifier in the attention (as in the original GAT)."""
 
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """relation: same_room | same_wall; features: name of the feature set; sizes of the layers."""
+    """relations: those that it tells apart, besides none; features: name of the feature set;
+    neighbours: of each piece in the graph; sizes of the layers."""
 
-    relation: str
+    relations: tuple[str, ...]
     features: str
     node_size: int
     edge_size: int
+    neighbours: int = 15
     channels: int = 32
     heads: int = 4
     hops: int = 2
-    hidden: int = 64
+    hidden: int = 32
 
 
 @dataclass(frozen=True)
@@ -52,18 +55,34 @@ class Checkpoint:
     facts: dict[str, float | str] = field(default_factory=dict)
 
 
+class Triple(nn.Linear):
+    """A linear layer of [v_i, e_ij, v_j]; what it makes of a node is worked out once per node."""
+
+    def __init__(self, node_size: int, edge_size: int, channels: int):
+        super().__init__(2 * node_size + edge_size, channels)
+        self.sizes = [node_size, edge_size, node_size]
+
+    def forward(  # type: ignore[override]
+        self, v: Tensor, e: Tensor, source: Tensor, target: Tensor
+    ) -> Tensor:
+        """v: (N, node_size), e: (E, edge_size) -> (E, channels)."""
+        of_source, of_edge, of_target = self.weight.split(self.sizes, dim=1)
+        there = nn.functional.linear(v, of_target)[target]  # (E, channels)
+        here = nn.functional.linear(v, of_source)[source]  # (E, channels)
+        return nn.functional.linear(e, of_edge, self.bias) + here + there
+
+
 class Hop(nn.Module):
     """One step of message passing: equations 1 and 2."""
 
     def __init__(self, node_size: int, edge_size: int, channels: int, heads: int):
         super().__init__()
-        triple = 2 * node_size + edge_size
         self.heads = heads
-        self.attend = nn.Linear(triple, channels)
+        self.attend = Triple(node_size, edge_size, channels)
         self.score = nn.Parameter(torch.empty(heads, channels // heads))
-        self.message = nn.Linear(node_size + edge_size, channels)
+        self.message = nn.Linear(edge_size + node_size, channels)
         self.node = nn.Linear(node_size + channels, channels)
-        self.edge = nn.Linear(triple, channels)
+        self.edge = Triple(node_size, edge_size, channels)
         nn.init.xavier_uniform_(self.score)
 
     def forward(
@@ -71,15 +90,16 @@ class Hop(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """v: (N, node_size), e: (E, edge_size) -> (N, C), (E, C)."""
         count, edges = len(v), len(e)
-        triple = torch.cat([v[source], e, v[target]], dim=1)  # (E, 2 * node_size + edge_size)
-        seen = nn.functional.leaky_relu(self.attend(triple), SLOPE)  # (E, C)
+        seen = nn.functional.leaky_relu(self.attend(v, e, source, target), SLOPE)  # (E, C)
         seen = seen.view(edges, self.heads, -1)  # (E, H, C / H)
         weight = _softmax((seen * self.score).sum(dim=2), source, count)  # (E, H)
-        message = self.message(torch.cat([e, v[target]], dim=1))  # (E, C)
+        of_edge, of_node = self.message.weight.split([e.shape[1], v.shape[1]], dim=1)
+        message = nn.functional.linear(e, of_edge, self.message.bias)  # (E, C)
+        message = message + nn.functional.linear(v, of_node)[target]  # (E, C)
         message = (message.view(edges, self.heads, -1) * weight[:, :, None]).flatten(1)  # (E, C)
         most = _max_by(message, source, count)  # (N, C), the paper's max over the neighbours
         v_next = torch.relu(self.node(torch.cat([v, most], dim=1)))  # (N, C)
-        e_next = torch.relu(self.edge(triple))  # (E, C)
+        e_next = torch.relu(self.edge(v, e, source, target))  # (E, C)
         return v_next, e_next
 
 
@@ -105,7 +125,8 @@ class Standardise(nn.Module):
 
 
 class EdgeClassifier(nn.Module):
-    """One logit per undirected pair: the mean of what is said of it in both directions."""
+    """Logits of none and of each relation for every undirected pair: the mean of what is said of
+    it in both directions."""
 
     def __init__(self, config: NetworkConfig):
         super().__init__()
@@ -113,25 +134,23 @@ class EdgeClassifier(nn.Module):
         c = config.channels
         sizes = [(config.node_size, config.edge_size)] + [(c, c)] * (config.hops - 1)
         self.hops = nn.ModuleList(Hop(v, e, c, config.heads) for v, e in sizes)
-        self.decoder = nn.Sequential(
-            nn.Linear(3 * c, config.hidden),
-            nn.ReLU(),
-            nn.Linear(config.hidden, config.hidden // 2),
-            nn.ReLU(),
-            nn.Linear(config.hidden // 2, 1),
-        )
+        self.first = Triple(c, c, config.hidden)
+        self.second = nn.Linear(config.hidden, config.hidden)
+        self.third = nn.Linear(config.hidden, 1 + len(config.relations))
         self.node_scale = Standardise(config.node_size)
         self.edge_scale = Standardise(config.edge_size)
         self.apply(_xavier)
 
     def forward(self, node: Tensor, edge: Tensor, source: Tensor, target: Tensor) -> Tensor:
-        """node: (N, node_size), edge: (E, edge_size) -> (E / 2,) logits, of ``pairs``."""
+        """node: (N, node_size), edge: (E, edge_size) -> (E / 2, 1 + R) logits, of ``pairs``."""
         v, e = self.node_scale(node), self.edge_scale(edge)
         for hop in self.hops:
             v, e = hop(v, e, source, target)  # (N, C), (E, C)
-        logit = self.decoder(torch.cat([v[source], e, v[target]], dim=1))[:, 0]  # (E,)
-        half = len(logit) // 2
-        return 0.5 * (logit[:half] + logit[half:])  # (E / 2,)
+        hidden = torch.relu(self.first(v, e, source, target))  # (E, hidden)
+        half = len(source) // 2
+        hidden = 0.5 * (hidden[:half] + hidden[half:])  # (E / 2, hidden)
+        hidden = torch.relu(self.second(hidden))  # (E / 2, hidden)
+        return self.third(hidden)  # (E / 2, 1 + R)
 
 
 def _xavier(module: nn.Module) -> None:
@@ -169,12 +188,12 @@ def tensors(graph: ProximityGraph) -> tuple[Tensor, Tensor, Tensor, Tensor]:
 
 
 def probabilities(model: EdgeClassifier, temperature: float, graph: ProximityGraph) -> Array:
-    """(E / 2,) calibrated probability of the relation for each of ``graph.pairs``."""
+    """(E / 2, R) calibrated probability of each relation for each of ``graph.pairs``."""
     if len(graph.source) == 0:
-        return np.zeros(0)
+        return np.zeros((0, len(model.config.relations)))
     with torch.inference_mode():
         logits = model(*tensors(graph)) / temperature
-        return torch.sigmoid(logits).double().numpy()
+        return torch.softmax(logits, dim=1)[:, 1:].double().numpy()
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -216,8 +235,7 @@ def _checkpoint(path: Path, header: Array | None) -> Checkpoint:
         tree = json.loads(str(header))
         if tree.pop("format") != FORMAT:
             raise KeyError("format")
-        return Checkpoint(
-            NetworkConfig(**tree["network"]), float(tree["temperature"]), dict(tree["facts"])
-        )
+        network = {**tree["network"], "relations": tuple(tree["network"]["relations"])}
+        return Checkpoint(NetworkConfig(**network), float(tree["temperature"]), dict(tree["facts"]))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: header: expected the description of {FORMAT!r}") from error

@@ -29,17 +29,18 @@ FEW = 150
 class PreprocessConfig:
     """Metres and radians. bin: along the plane, and min_count points in one for it to be occupied;
     gap: longest hole within a piece (doors are 1 m, an opening that joins rooms 2.5 m); min_length:
-    of a piece; reach: how far a wall that was not seen to its end is taken to go on; inside: how
-    far from both ends of a piece a cut may lie; in_front: how far a wall must stand out to cut;
-    crossing: least angle between the two; duplicate_*: a piece is dropped when a longer one that
-    faces the same way lies this near and beside most of it.
+    of a piece; seen: least share of it with points; reach: how far a wall that was not seen to its
+    end is taken to go on; inside: how far from both ends of a piece a cut may lie; in_front: how
+    far a wall must stand out to cut; crossing: least angle between the two; duplicate_*: a piece is
+    dropped when a longer one that faces the same way lies this near and beside most of it.
     """
 
     bin: float = 0.1
     min_count: int = 2
     gap: float = 1.8
     min_length: float = 0.35
-    reach: float = 0.5
+    seen: float = 0.4
+    reach: float = 1.1
     inside: float = 0.25
     in_front: float = 0.3
     crossing: float = np.radians(30.0)
@@ -90,19 +91,31 @@ class Preprocessor:
 
     def __init__(self, config: PreprocessConfig = PreprocessConfig()):
         self._config = config
-        self._known: dict[int, tuple[int, Pieces]] = {}
+        self._known: dict[int, tuple[int, Pieces, Array]] = {}
 
     def __call__(self, planes: Sequence[MapPlane]) -> Pieces:
         """Pieces of all upright planes. Raises InputError for a plane that is no plane."""
         upright = [plane for plane in planes if not plane.horizontal and len(plane.points)]
         changed = [plane for plane in upright if not self._is_known(plane)]
         fresh = zip(changed, _runs(changed, self._config), strict=True)
-        found = {plane.id: (plane.revision, runs) for plane, runs in fresh}
+        found = {plane.id: (plane.revision, *seen) for plane, seen in fresh}
         self._known = {p.id: found.get(p.id) or self._known[p.id] for p in upright}
         pieces = joined([self._known[plane.id][1] for plane in upright])
         near = near_pairs(pieces, max(self._config.reach, self._config.duplicate_distance))
         pieces, near = _without_duplicates(pieces, near, self._config)
-        return _split(pieces, near, self._config)
+        return self._seen(_split(pieces, near, self._config))
+
+    def _seen(self, pieces: Pieces) -> Pieces:
+        """Without those that a cut has left with hardly more than a hole."""
+        axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
+        along = np.sort(np.einsum("mkc,mc->mk", pieces.segment, axis), axis=1)
+        length = along[:, 1] - along[:, 0]
+        kept = np.ones(len(pieces), dtype=bool)
+        for place in np.flatnonzero(length < self._config.gap).tolist():
+            seen = self._known[int(pieces.plane_id[place])][2]
+            low, high = np.searchsorted(seen, along[place])
+            kept[place] = (high - low) * self._config.bin > self._config.seen * length[place]
+        return pieces if kept.all() else pieces.take(kept)
 
     def _is_known(self, plane: MapPlane) -> bool:
         known = self._known.get(plane.id)
@@ -123,8 +136,9 @@ def joined(parts: Sequence[Pieces]) -> Pieces:
     )
 
 
-def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[Pieces]:
-    """For each plane the stretches along it where it was seen; all planes' points at once."""
+def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[tuple[Pieces, Array]]:
+    """For each plane the stretches along it where it was seen, and every bin along it where it was
+    (its middle [m]); all planes' points at once."""
     if not planes:
         return []
     points = np.concatenate([plane.points for plane in planes])
@@ -139,7 +153,7 @@ def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[Pieces]:
     along = x * axis[owner, 0] + y * axis[owner, 1]
     low, high = np.minimum.reduceat(z, first), np.maximum.reduceat(z, first)
     d = np.array([plane.d for plane in planes]) + normal[:, 2] * 0.5 * (low + high)
-    plane, start, end = _occupied(along, owner, first, planes, config)
+    plane, start, end, bins = _occupied(along, owner, first, planes, config)
     foot = (-d / steepness)[:, None] * level
     ends = np.stack([start, end], axis=1)[:, :, None] * axis[plane][:, None, :]
     everything = Pieces(
@@ -149,7 +163,8 @@ def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[Pieces]:
         np.column_stack([low, high])[plane],
     )
     bounds = np.searchsorted(plane, np.arange(len(planes) + 1)).tolist()
-    return [everything.take(np.arange(a, b)) for a, b in pairwise(bounds)]
+    runs = [everything.take(np.arange(a, b)) for a, b in pairwise(bounds)]
+    return list(zip(runs, bins, strict=True))
 
 
 def _check(planes: Sequence[MapPlane], points: Array, normal: Array, owner: IntArray) -> None:
@@ -169,9 +184,10 @@ def _occupied(
     first: IntArray,
     planes: Sequence[MapPlane],
     config: PreprocessConfig,
-) -> tuple[IntArray, Array, Array]:
-    """Plane, start and end [m] of each stretch without a hole wider than the gap; bins with few
-    points count as empty, so that no stray point moves an end."""
+) -> tuple[IntArray, Array, Array, list[Array]]:
+    """Plane, start and end [m] of each stretch without a hole wider than the gap, and for each
+    plane the middles of its bins [m]; bins with few points count as empty, so that no stray point
+    moves an end."""
     lowest = np.minimum.reduceat(along, first)
     span = np.maximum.reduceat(along, first) - lowest
     if span.max() > LONGEST:
@@ -191,7 +207,10 @@ def _occupied(
     ends = np.append(begins[1:] - 1, len(kept) - 1)[: len(begins)]
     start, end = low[kept[begins]], high[kept[ends]]
     long = end - start >= config.min_length
-    return plane[begins][long], start[long], end[long]
+    middle = np.split(
+        0.5 * (low[kept] + high[kept]), np.searchsorted(plane, np.arange(1, len(planes)))
+    )
+    return plane[begins][long], start[long], end[long], middle
 
 
 def _without_duplicates(

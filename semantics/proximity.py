@@ -40,23 +40,32 @@ class ProximityGraph:
         return np.column_stack([self.source[:half], self.target[:half]])
 
 
+Pairs = tuple[IntArray, IntArray, Array]
+"""Places i < j of the two pieces of each pair, and their distance [m]."""
+
+
 class FeatureSet(Protocol):
-    """What a network is told of pieces and of pairs of them."""
+    """Which pieces are joined, and what a network is told of pieces and of pairs of them."""
 
     node_size: int
     edge_size: int
+
+    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+        """Each piece with so many of its closest ones."""
+        ...
 
     def nodes(self, pieces: Pieces) -> Array:
         """(N, node_size)"""
         ...
 
     def edges(self, pieces: Pieces, i: IntArray, j: IntArray, gap: Array) -> Array:
-        """(E, edge_size) of j as seen from i; gap: (E,) shortest distance of the two [m]."""
+        """(E, edge_size) of j as seen from i; gap: (E,) distance of the two [m]."""
         ...
 
 
 class PaperFeatures:
-    """The paper's: nodes [n, w], edges [relative position of the centres, closest distance].
+    """The paper's: nodes [n, w], edges [relative position of the centres, closest distance of the
+    extremes], closest by their centres.
 
     In the map's axes, scaled by fixed limits: so it has to learn that headings do not matter.
     """
@@ -64,6 +73,13 @@ class PaperFeatures:
     node_size = 3
     edge_size = 3
     limit = 6.0
+
+    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+        """By the distance of the centres; the distance given is that of the extremes."""
+        i, j = closest_centres(pieces, neighbours)
+        ends_i, ends_j = pieces.segment[i], pieces.segment[j]
+        apart = np.linalg.norm(ends_i[:, :, None, :] - ends_j[:, None, :, :], axis=3)
+        return i, j, apart.min(axis=(1, 2))
 
     def nodes(self, pieces: Pieces) -> Array:
         """(N, 3) normal and width."""
@@ -83,6 +99,10 @@ class InvariantFeatures:
 
     node_size = 1
     edge_size = 14
+
+    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+        """By the distance of the segments: a long wall is near to all that stand along it."""
+        return closest_segments(pieces, neighbours)
 
     def nodes(self, pieces: Pieces) -> Array:
         """(N, 1) length. What is seen of the height depends on where one stands."""
@@ -129,8 +149,8 @@ def features_named(name: str) -> FeatureSet:
 def proximity_graph(
     pieces: Pieces, features: FeatureSet, neighbours: int = NEIGHBOURS
 ) -> ProximityGraph:
-    """Each piece joined with its closest ones, by the distance of the segments, both ways."""
-    i, j, gap = closest_pairs(pieces, neighbours)
+    """Each piece joined with its closest ones, both ways."""
+    i, j, gap = features.pairs(pieces, neighbours)
     source, target = np.concatenate([i, j]), np.concatenate([j, i])
     return ProximityGraph(
         features.nodes(pieces),
@@ -140,7 +160,21 @@ def proximity_graph(
     )
 
 
-def closest_pairs(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray, Array]:
+def closest_centres(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray]:
+    """Pairs i < j where either's centre is among the closest to the other's."""
+    from scipy.spatial import cKDTree
+
+    count = len(pieces)
+    wanted = min(neighbours, count - 1)
+    if wanted < 1:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    _, found = cKDTree(pieces.centre).query(pieces.centre, k=wanted + 1)
+    i, j = np.repeat(np.arange(count), wanted + 1), found.ravel().astype(np.int64)
+    pairs = np.unique((np.minimum(i, j) * count + np.maximum(i, j))[i != j])
+    return pairs // count, pairs % count
+
+
+def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
     """Pairs i < j where either is among the other's closest, and their gaps [m].
 
     Looks around each piece, and further only around those that have too few within reach.
@@ -148,7 +182,7 @@ def closest_pairs(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray, 
     count = len(pieces)
     wanted = min(neighbours, count - 1)
     reach, lonely = REACH, np.arange(count if wanted > 0 else 0)
-    found: list[tuple[IntArray, IntArray, Array]] = []
+    found: list[Pairs] = []
     while len(lonely):
         i, j = near_pairs(pieces, 0.5 * reach, lonely)
         gap = segment_gap(pieces.segment[i], pieces.segment[j])
@@ -163,9 +197,7 @@ def closest_pairs(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray, 
     return i[keep], j[keep], gap[keep]
 
 
-def _once(
-    found: list[tuple[IntArray, IntArray, Array]], count: int
-) -> tuple[IntArray, IntArray, Array]:
+def _once(found: list[Pairs], count: int) -> Pairs:
     """All pairs that were found, in order, none twice."""
     if not found:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)

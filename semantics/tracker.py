@@ -2,108 +2,211 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from slam.core import PlanePiece, RoomProposal, WallProposal
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """overlap: least share of common length for two rooms to be one; patience: inferences without
-    evidence after which a room or wall is given up; taken: share of a missing room's pieces that
-    others may have taken before it is given up at once."""
+    """overlap: least share of common length, of the longer and of the shorter one, for two rooms to
+    be one; patience: inferences without
+    evidence after which a room or wall is given up, and for which two known rooms stay two although
+    they are found as one; taken: share of a missing room's pieces that others may have taken before
+    it is given up at once, and of a known room that is in another one."""
 
-    overlap: float = 0.3
+    overlap: tuple[float, float] = (0.3, 0.5)
     patience: int = 3
     taken: float = 0.5
 
 
 class RoomTracker:
-    """Matches found rooms to known ones by the length of wall that they share."""
+    """Matches found rooms to known ones by the length of wall that they share; one that was given
+    up and is found again gets its old id back.
+
+    A room that comes as the very object it came as last time is known without looking.
+    """
 
     def __init__(self, config: TrackerConfig = TrackerConfig()):
         self._config = config
         self._known: dict[int, RoomProposal] = {}
+        self._sources: dict[int, RoomProposal] = {}
         self._missed: dict[int, int] = {}
+        self._retired: dict[int, RoomProposal] = {}
+        self._mergers: dict[frozenset[int], int] = {}
         self._next = 0
 
     def update(self, found: Sequence[RoomProposal]) -> tuple[RoomProposal, ...]:
         """The rooms to hold true now: those found, and those missed only lately."""
-        named = self._named(found)
-        kept = {}
-        for name, room in self._known.items():
-            if name in named:
-                continue
-            missed = self._missed.get(name, 0) + 1
-            if missed <= self._config.patience and self._is_free(room, list(named.values())):
-                kept[name] = room
-                self._missed[name] = missed
-        self._missed = {name: self._missed[name] for name in kept}
+        found = self._believed(found)
+        names = self._names(found)
+        named = {
+            name: self._known[name] if self._sources.get(name) is room else replace(room, id=name)
+            for name, room in zip(names, found, strict=True)
+        }
+        kept = self._missing(named)
+        gone = {n: room for n, room in self._known.items() if n not in named and n not in kept}
+        self._retired = {n: r for n, r in {**self._retired, **gone}.items() if n not in named}
+        self._sources = dict(zip(names, found, strict=True))
         self._known = dict(sorted({**named, **kept}.items()))
         return tuple(self._known.values())
 
-    def _named(self, found: Sequence[RoomProposal]) -> dict[int, RoomProposal]:
-        """Found rooms by id; the best matches choose first."""
-        scores = [
-            (_likeness(room, known), i, name)
-            for i, room in enumerate(found)
-            for name, known in self._known.items()
-        ]
-        ids: dict[int, int] = {}
-        for score, i, name in sorted(scores, key=lambda item: (-item[0], item[1], item[2])):
-            if score >= self._config.overlap and i not in ids and name not in ids.values():
-                ids[i] = name
-        named = {}
-        for i, room in enumerate(found):
-            if i not in ids:
-                ids[i] = self._next
-                self._next += 1
-            named[ids[i]] = replace(room, id=ids[i])
-        return named
+    def _names(self, found: Sequence[RoomProposal]) -> list[int]:
+        """The id of each found room: of a known one, else of one that was given up, else new."""
+        same = {id(room): name for name, room in self._sources.items()}
+        names = [same.get(id(room)) for room in found]
+        taken = set(names)
+        self._match(names, found, {n: r for n, r in self._known.items() if n not in taken})
+        self._match(names, found, self._retired)
+        return [self._new() if name is None else name for name in names]
 
-    def _is_free(self, room: RoomProposal, others: Sequence[RoomProposal]) -> bool:
-        taken = sum(common(room.pieces, other.pieces) for other in others)
-        return taken < self._config.taken * length(room.pieces)
+    def _match(
+        self,
+        names: list[int | None],
+        found: Sequence[RoomProposal],
+        rivals: Mapping[int, RoomProposal],
+    ) -> None:
+        """Gives found rooms without a name those of the rivals that they are most like."""
+        by_plane = _by_plane(rivals)
+        least_long, least_short = self._config.overlap
+        scores = []
+        for place, room in enumerate(found):
+            if names[place] is not None:
+                continue
+            near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
+            for name in sorted(near):
+                of_longer, of_shorter = _likeness(room, rivals[name])
+                if of_longer >= least_long and of_shorter >= least_short:
+                    scores.append((-of_longer, place, name))
+        for _, place, name in sorted(scores):
+            if names[place] is None and name not in names:
+                names[place] = name
+
+    def _believed(self, found: Sequence[RoomProposal]) -> list[RoomProposal]:
+        """Without rooms that have only lately been found where several known ones are."""
+        by_plane = _by_plane(self._known)
+        last = {id(room) for room in self._sources.values()}
+        mergers, believed = {}, []
+        for room in found:
+            names = frozenset() if id(room) in last else self._inside(room, by_plane)
+            if len(names) > 1:
+                mergers[names] = self._mergers.get(names, 0) + 1
+            if len(names) < 2 or mergers[names] > self._config.patience:
+                believed.append(room)
+        self._mergers = mergers
+        return believed
+
+    def _inside(self, room: RoomProposal, by_plane: Mapping[int, list[int]]) -> frozenset[int]:
+        """Known rooms that are mostly in this one."""
+        near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
+        return frozenset(
+            n
+            for n in near
+            if common(room.pieces, self._known[n].pieces)
+            > self._config.taken * length(self._known[n].pieces)
+        )
+
+    def _new(self) -> int:
+        self._next += 1
+        return self._next - 1
+
+    def _missing(self, named: Mapping[int, RoomProposal]) -> dict[int, RoomProposal]:
+        """Known rooms that were not found but are kept for now."""
+        lost = {name: room for name, room in self._known.items() if name not in named}
+        by_plane = _by_plane(named) if lost else {}
+        kept = {}
+        for name, room in lost.items():
+            rivals = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
+            taken = sum(common(room.pieces, named[n].pieces) for n in sorted(rivals))
+            patient = self._missed.get(name, 0) < self._config.patience
+            if patient and taken < self._config.taken * length(room.pieces):
+                kept[name] = room
+        self._missed = {name: self._missed.get(name, 0) + 1 for name in kept}
+        return kept
+
+
+def _by_plane(rooms: Mapping[int, RoomProposal]) -> dict[int, list[int]]:
+    """Plane id -> names of the rooms that have a piece of it."""
+    found: dict[int, list[int]] = {}
+    for name, room in rooms.items():
+        for piece in room.pieces:
+            found.setdefault(piece.plane_id, []).append(name)
+    return found
 
 
 class WallTracker:
-    """A wall is known by its two planes; where a pair of planes has several, by the nearest."""
+    """A wall is known by its two planes; where a pair of planes has several, by where they are."""
 
     def __init__(self, config: TrackerConfig = TrackerConfig()):
         self._config = config
         self._known: dict[int, WallProposal] = {}
+        self._sources: dict[int, WallProposal] = {}
         self._missed: dict[int, int] = {}
         self._next = 0
 
     def update(self, found: Sequence[WallProposal]) -> tuple[WallProposal, ...]:
         """The walls to hold true now."""
-        free = dict(self._known)
+        same = {id(wall): name for name, wall in self._sources.items()}
+        names = [same.get(id(wall)) for wall in found]
+        taken = set(names)
+        free = _by_planes((n, wall) for n, wall in self._known.items() if n not in taken)
         named: dict[int, WallProposal] = {}
-        for wall in found:
-            name = next((n for n, known in free.items() if _same_wall(wall, known)), None)
-            if name is None:
-                name = self._next
-                self._next += 1
-            free.pop(name, None)
-            named[name] = replace(wall, id=name)
-        kept = {}
-        for name, wall in free.items():
-            missed = self._missed.get(name, 0) + 1
-            replaced = any(_same_wall(wall, other) for other in named.values())
-            if missed <= self._config.patience and not replaced:
-                kept[name] = wall
-                self._missed[name] = missed
-        self._missed = {name: self._missed[name] for name in kept}
+        sources = {}
+        for wall, known in zip(found, names, strict=True):
+            name = self._match(wall, free) if known is None else known
+            sources[name] = wall
+            named[name] = self._known[name] if known is not None else replace(wall, id=name)
+        kept = self._missing(named)
+        self._sources = sources
         self._known = dict(sorted({**named, **kept}.items()))
         return tuple(self._known.values())
 
+    def _match(
+        self, wall: WallProposal, free: dict[frozenset[int], dict[int, WallProposal]]
+    ) -> int:
+        """The id of a known wall that is this one, which then is no longer free; or a new id."""
+        rivals = free.get(_planes(wall), {})
+        name = next((n for n, known in rivals.items() if _same_wall(wall, known)), None)
+        if name is not None:
+            del rivals[name]
+            return name
+        self._next += 1
+        return self._next - 1
 
-def _likeness(a: RoomProposal, b: RoomProposal) -> float:
-    """Share of the longer one's walls that is common to both."""
-    return common(a.pieces, b.pieces) / max(length(a.pieces), length(b.pieces))
+    def _missing(self, named: Mapping[int, WallProposal]) -> dict[int, WallProposal]:
+        """Known walls that were not found but are kept for now."""
+        lost = {name: wall for name, wall in self._known.items() if name not in named}
+        present = _by_planes(named.items()) if lost else {}
+        kept = {}
+        for name, wall in lost.items():
+            others = present.get(_planes(wall), {}).values()
+            patient = self._missed.get(name, 0) < self._config.patience
+            if patient and not any(_same_wall(wall, other) for other in others):
+                kept[name] = wall
+        self._missed = {name: self._missed.get(name, 0) + 1 for name in kept}
+        return kept
+
+
+def _planes(wall: WallProposal) -> frozenset[int]:
+    return frozenset(piece.plane_id for piece in wall.pieces)
+
+
+def _by_planes(
+    walls: Iterable[tuple[int, WallProposal]],
+) -> dict[frozenset[int], dict[int, WallProposal]]:
+    """The pair of planes -> walls by name."""
+    found: dict[frozenset[int], dict[int, WallProposal]] = {}
+    for name, wall in walls:
+        found.setdefault(_planes(wall), {})[name] = wall
+    return found
+
+
+def _likeness(a: RoomProposal, b: RoomProposal) -> tuple[float, float]:
+    """Shares of the longer and of the shorter one's walls that are common to both."""
+    shared, sizes = common(a.pieces, b.pieces), sorted((length(a.pieces), length(b.pieces)))
+    return shared / sizes[1], shared / sizes[0]
 
 
 def _same_wall(a: WallProposal, b: WallProposal) -> bool:
@@ -121,14 +224,16 @@ def common(a: Sequence[PlanePiece], b: Sequence[PlanePiece]) -> float:
 
 
 def _overlap(a: PlanePiece, b: PlanePiece) -> float:
-    run = a.segment[1] - a.segment[0]
-    size = float(np.linalg.norm(run))
+    """Length of b, laid on a's line, that is on a [m]; plain numbers are the faster here."""
+    (x0, y0), (x1, y1) = a.segment.tolist()
+    run_x, run_y = x1 - x0, y1 - y0
+    size = math.hypot(run_x, run_y)
     if size < 1e-9:
         return 0.0
-    along = sorted(((b.segment - a.segment[0]) @ (run / size)).tolist())
-    return max(0.0, min(along[1], size) - max(along[0], 0.0))
+    low, high = sorted(((x - x0) * run_x + (y - y0) * run_y) / size for x, y in b.segment.tolist())
+    return max(0.0, min(high, size) - max(low, 0.0))
 
 
 def length(pieces: Sequence[PlanePiece]) -> float:
     """Total length of pieces [m]."""
-    return max(sum(piece.length for piece in pieces), 1e-9)
+    return max(sum(math.dist(*piece.segment.tolist()) for piece in pieces), 1e-9)

@@ -15,6 +15,8 @@ from slam.core import Array, InputError, RunError
 if TYPE_CHECKING:
     import mujoco
 
+    from sim.ground import Ground
+
 JOINTS = ("base_x", "base_y", "base_yaw", "base_heave", "base_roll", "base_pitch")
 """In the order of the columns of what ``Base.coordinates`` gives."""
 
@@ -83,7 +85,8 @@ class Base:
     """The base in a compiled copy of a building's ``spec``, standing at (x, y, yaw) on ``z_floor``.
 
     The base frame lies at floor level in the middle of the disc and moves with the sprung body.
-    ``rng`` draws the unevenness of the floor, and the wheels.
+    ``rng`` draws the unevenness of the floor, and the wheels. ``ground`` (None: level) carries it
+    up ramps, where it drives and counts the way as seen in plan.
     """
 
     def __init__(
@@ -93,11 +96,13 @@ class Base:
         start: tuple[float, float, float],
         config: BaseConfig,
         rng: np.random.Generator,
+        ground: Ground | None = None,
     ) -> None:
         import mujoco
 
         self.config = config
         self.z_floor = z_floor
+        self._ground = ground
         self._rng = rng
         self._road = [0.0, 0.0, 0.0]
         self._mujoco_step = mujoco.mj_step
@@ -105,6 +110,7 @@ class Base:
         self.data = mujoco.MjData(self.model)
         self.wheels = Wheels(config.wheels, config.mass, config.timestep, rng)
         self._disc = int(self.model.geom("base_disc").id)
+        self._chassis = int(self.model.body("base_chassis").id)
         self._qpos = [int(self.model.joint(name).qposadr[0]) for name in JOINTS]
         self._dofs = [int(self.model.joint(name).dofadr[0]) for name in JOINTS]
         self._stiffness = [float(self.model.joint(name).stiffness[0]) for name in JOINTS[3:]]
@@ -118,8 +124,10 @@ class Base:
 
     @property
     def coordinates(self) -> Array:
-        """(6,) x, y, yaw, heave, roll, pitch now."""
-        return self.data.qpos[self._qpos]
+        """(6,) x, y, yaw, heave, roll, pitch now; heave above ``z_floor``, up ramps too."""
+        coordinates: Array = self.data.qpos[self._qpos]
+        coordinates[3] += self.model.body_pos[self._chassis, 2] - self.z_floor
+        return coordinates
 
     def geom_ids(self, names: tuple[str, ...]) -> NDArray[np.int32]:
         """(G,) MuJoCo's ids of the named geoms in the compiled model."""
@@ -130,6 +138,8 @@ class Base:
 
         Raises RunError when the disc touches a wall.
         """
+        if self._ground is not None:
+            self._stand_on(self._ground)
         yaw = float(self.data.qpos[self._qpos[2]])
         vx, vy, turning = self.data.qvel[self._dofs[:3]].tolist()
         c, s = cos(yaw), sin(yaw)
@@ -145,6 +155,12 @@ class Base:
         self._mujoco_step(self.model, self.data)
         if self.data.ncon:
             self._refuse_contact()
+
+    def _stand_on(self, ground: Ground) -> None:
+        """Lifts the chassis to the ground, and has the springs rest at its slope."""
+        height, *tilt = ground.under(*self.data.qpos[self._qpos[:3]].tolist())
+        self.model.body_pos[self._chassis, 2] = height
+        self.model.qpos_spring[self._qpos[4:]] = tilt
 
     def _unevenness(self, way: float) -> list[float]:
         """Heave [m], roll and pitch [rad] that the floor asks for after ``way`` [m] on it.

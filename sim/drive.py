@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from sim.base import Base, BaseConfig, base_poses
 from sim.caster import THREADS, RayCaster
+from sim.crowd import Crowd, make_crowd
 from sim.follower import Follower
+from sim.ground import Ground
 from sim.lidar import Lidar
 from sim.motion import Motion
 from sim.route import Route
@@ -52,7 +54,7 @@ class Drive:
             _check_positive("duration", duration)
         self._world = world
         self._sensor = sensor
-        self._route = route
+        self.route = route
         self._seed = seed
         self._base = replace(base, speed=speed)
         self._threads = threads
@@ -62,18 +64,26 @@ class Drive:
         self.duration = estimate if duration is None else min(estimate, duration)
 
     def __iter__(self) -> Iterator[tuple[Scan, ScanTruth]]:
-        lidar_rng, base_rng = _generators(self._seed, 2)
-        follower = Follower(self._route.points, self._base)
-        z_floor = self._world.truth.floors[self._route.storey].z_floor
-        base = Base(self._world.spec, z_floor, follower.start, self._base, base_rng)
+        lidar_rng, base_rng, crowd_rng = _generators(self._seed, 3)
+        follower = Follower(self.route.points, self._base)
+        ground = Ground(self._world, self.route.storey)
+        base = Base(
+            self._world.spec,
+            ground.height,
+            follower.start,
+            self._base,
+            base_rng,
+            None if ground.level else ground,
+        )
         ids = base.geom_ids(self._world.mesh.geom_names)
         caster = RayCaster(self._world.mesh, ids, self._threads)
-        lidar = Lidar(self._sensor, caster, lidar_rng, self._base.T_base_lidar)
+        crowd = self._crowd(base, crowd_rng)
+        lidar = Lidar(self._sensor, crowd.before(caster), lidar_rng, self._base.T_base_lidar)
         encoders = Encoders(self._base.wheels, self._base.timestep)
         period = self._sensor.period
         index = 0
         while not follower.finished and (index + 1) * period <= self._limit:
-            motion, counts = self._move(base, follower, index)
+            motion, counts = self._move(base, follower, crowd, index)
             scan, truth = lidar.sweep(index, (index + 1) * period, motion)
             yield replace(scan, wheels=encoders.read(scan.stamp, counts)), truth
             index += 1
@@ -83,14 +93,24 @@ class Drive:
         """No sweep ends after this [s]."""
         return np.inf if self._cut is None else self._cut + 1e-9
 
-    def _move(self, base: Base, follower: Follower, index: int) -> tuple[Motion, NDArray[np.int64]]:
+    def _crowd(self, base: Base, rng: np.random.Generator) -> Crowd:
+        route, config = self.route, self._base
+        return make_crowd(
+            self._world, route.storey, route.points, config.radius, config.speed, base.model, rng
+        )
+
+    def _move(
+        self, base: Base, follower: Follower, crowd: Crowd, index: int
+    ) -> tuple[Motion, NDArray[np.int64]]:
         """The base's motion during sweep ``index``, one pose a physics step, and beside it the
         counts (K + 1, 2) of its encoders."""
         coordinates = np.empty((self._steps + 1, 6))
         counts = np.empty((self._steps + 1, 2), dtype=np.int64)
         coordinates[0], counts[0] = base.coordinates, base.wheels.counts
+        crowd.advance(self._sensor.period, coordinates[0, :2])
         for step in range(self._steps):
             x, y, yaw = coordinates[step, :3].tolist()
+            crowd.put(base.data, step / self._steps)
             standing = base.time < STAND - 1e-9
             base.step(*((0.0, 0.0) if standing else follower.command(x, y, yaw)))
             coordinates[step + 1], counts[step + 1] = base.coordinates, base.wheels.counts

@@ -83,7 +83,7 @@ def _profile(s: Array, curvature: Array, config: BaseConfig) -> Array:
     """
     acceleration = 0.9 * config.acceleration
     window = 2.0 * acceleration / config.jerk
-    reach = ceil(0.5 * window * config.speed / (s[1] - s[0]))
+    reach = min(ceil(0.5 * window * config.speed / (s[1] - s[0])), len(s))
     speed = minimum_filter1d(_turning_limit(s, curvature, config), 2 * reach + 1)
     speed[[0, -1]] = 0.0
     gain = 2.0 * acceleration * np.diff(s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -31,9 +32,9 @@ class FreeSpace:
     cell: float
     clearance: Array
     cells: IntArray
-    index: IntArray
+    index: NDArray[np.int32]
 
-    @property
+    @cached_property
     def centres(self) -> Array:
         """(F, 2) world coordinates of the free cells."""
         return self.origin + self.cell * self.cells[:, ::-1]
@@ -63,29 +64,31 @@ class FreeSpace:
         best = int(np.argmin(distances))
         return int(candidates[best]) if distances[best] <= within else None
 
+    def inside(self, outline: BaseGeometry) -> IntArray:
+        """Free cells whose middle lies within an outline."""
+        low_x, low_y, high_x, high_y = shapely.bounds(outline)
+        low = np.floor((np.array([low_x, low_y]) - self.origin) / self.cell).astype(int)
+        high = np.ceil((np.array([high_x, high_y]) - self.origin) / self.cell).astype(int) + 1
+        near = self.index[max(low[1], 0) : max(high[1], 0), max(low[0], 0) : max(high[0], 0)]
+        near = near[near >= 0].astype(np.int64)
+        return near[shapely.contains_xy(outline, *self.centres[near].T)]
+
     def graph(self) -> csr_matrix:
-        """(F, F) costs between neighbouring cells (eight each): length, dearer near walls."""
+        """(F, F) costs between neighbouring cells (eight each), every pair once: length, dearer
+        near walls."""
         values = self.clearance[tuple(self.cells.T)]
         price = 1.0 + 6.0 * np.clip(1.0 - values / COMFORT, 0.0, 1.0) ** 2
-        rows, columns, costs = [], [], []
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            here, there = self._neighbours(dr, dc)
-            rows.append(here)
-            columns.append(there)
-            costs.append(self.cell * np.hypot(dr, dc) * 0.5 * (price[here] + price[there]))
-        count = len(self.cells)
-        entries = (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns)))
-        upper = csr_matrix(entries, shape=(count, count))
-        return (upper + upper.T).tocsr()
-
-    def _neighbours(self, dr: int, dc: int) -> tuple[IntArray, IntArray]:
-        """Pairs of free cells that lie (dr, dc) apart."""
-        height, width = self.index.shape
-        left, right = max(-dc, 0), width - max(dc, 0)
-        here = self.index[: height - dr, left:right]
-        there = self.index[dr:, left + dc : right + dc]
-        both = (here >= 0) & (there >= 0)
-        return here[both], there[both]
+        padded = np.pad(self.index, ((0, 1), (1, 1)), constant_values=-1)
+        rows, columns = self.cells.T
+        # In the order of their indices, so that the rows of the matrix are sorted.
+        steps = ((0, 1), (1, -1), (1, 0), (1, 1))
+        there = np.stack([padded[rows + dr, columns + 1 + dc] for dr, dc in steps], axis=1)
+        free = there >= 0
+        length = self.cell * np.array([np.hypot(dr, dc) for dr, dc in steps])
+        cost = 0.5 * length * (price[:, None] + price[np.maximum(there, 0)])
+        pointers = np.append(0, np.cumsum(free.sum(axis=1)))
+        size = (len(self.cells), len(self.cells))
+        return csr_matrix((cost[free], there[free], pointers), shape=size)
 
 
 def free_space(
@@ -96,15 +99,39 @@ def free_space(
     low_x, low_y, high_x, high_y = shapely.bounds(region)
     xs = np.arange(low_x - cell, high_x + 2.0 * cell, cell)
     ys = np.arange(low_y - cell, high_y + 2.0 * cell, cell)
-    shapely.prepare([forbidden, region])
-    x, y = np.meshgrid(xs, ys)
-    free = shapely.contains_xy(region, x, y)
-    free[free] = ~shapely.intersects_xy(forbidden, x[free], y[free])
+    free = covered(region, xs, ys) & ~covered(forbidden, xs, ys)
     off_forbidden = distance_transform_edt(_padded(free))[1:-1, 1:-1] * cell
     clearance = np.where(free, off_forbidden - 0.5 * cell + distance, 0.0)
-    index = np.full(free.shape, -1, dtype=np.int64)
+    index = np.full(free.shape, -1, dtype=np.int32)
     index[free] = np.arange(int(free.sum()))
     return FreeSpace(np.array([xs[0], ys[0]]), cell, clearance, np.argwhere(free), index)
+
+
+def covered(shape: BaseGeometry, xs: Array, ys: Array) -> NDArray[np.bool_]:
+    """(H, W) which points of an even grid of columns ``xs`` and rows ``ys`` lie in polygons.
+
+    The polygons' sides cut each row; a point with an odd number of cuts to its left is inside.
+    """
+    rings = [np.asarray(ring.coords) for ring in shapely.get_rings(shapely.get_parts(shape))]
+    if not rings:
+        return np.zeros((len(ys), len(xs)), dtype=bool)
+    start = np.concatenate([ring[:-1] for ring in rings])
+    end = np.concatenate([ring[1:] for ring in rings])
+    cell = xs[1] - xs[0]
+    first, last = (
+        np.ceil((bound(start[:, 1], end[:, 1]) - ys[0]) / cell).astype(np.int64)
+        for bound in (np.minimum, np.maximum)
+    )
+    first, last = np.clip(first, 0, len(ys)), np.clip(last, 0, len(ys))
+    side = np.repeat(np.arange(len(start)), last - first)
+    row = np.arange(len(side)) - np.repeat(np.cumsum(last - first) - last, last - first)
+    along = (ys[0] + cell * row - start[side, 1]) / (end[side, 1] - start[side, 1])
+    cut = start[side, 0] + along * (end[side, 0] - start[side, 0])
+    column = np.clip(np.ceil((cut - xs[0]) / cell).astype(np.int64), 0, len(xs))
+    width = len(xs) + 1
+    cuts = np.bincount(row * width + column, minlength=len(ys) * width)
+    odd = np.cumsum(cuts.reshape(len(ys), width).astype(np.int16), axis=1) & 1
+    return odd[:, :-1].astype(bool)
 
 
 def _padded(free: NDArray[np.bool_]) -> NDArray[np.bool_]:

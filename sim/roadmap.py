@@ -61,7 +61,7 @@ class Roadmap:
 
 
 def build_roadmap(graph: csr_matrix, places: IntArray) -> Roadmap:
-    """The roadmap of distinct ``places`` on a grid with the given costs between its cells."""
+    """The roadmap of distinct ``places`` on a grid; ``graph``: costs between cells, each once."""
     cost, predecessors, source = dijkstra(
         graph, directed=False, indices=places, min_only=True, return_predecessors=True
     )
@@ -69,9 +69,11 @@ def build_roadmap(graph: csr_matrix, places: IntArray) -> Roadmap:
     place_of[places] = np.arange(len(places))
     region = np.where(source >= 0, place_of[np.maximum(source, 0)], -1)
     edges = graph.tocoo()
-    a, b = edges.row, edges.col
-    border = (region[a] >= 0) & (region[a] < region[b])
-    a, b = a[border].astype(np.int64), b[border].astype(np.int64)
+    border = region[edges.row] != region[edges.col]
+    border &= (region[edges.row] >= 0) & (region[edges.col] >= 0)
+    a, b = edges.row[border].astype(np.int64), edges.col[border].astype(np.int64)
+    swapped = region[a] > region[b]
+    a, b = np.where(swapped, b, a), np.where(swapped, a, b)
     through = cost[a] + edges.data[border] + cost[b]
     best = _cheapest_per_pair(region[a], region[b], through)
     size = (len(places), len(places))

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.names import unknown_name
 from slam.core import Array, InputError
 
 
@@ -18,12 +17,15 @@ class Sensor:
     """A unit. Tables run parallel, one entry a beam, counted from the lowest (the ring).
 
     elevations [rad], rising; firing_offsets [s] within a column; azimuth_offsets [rad] of each beam
-    beside its column; range_offsets [m], fixed for this unit; range_noise [m], sigma within one
-    beam; dropout, the probability that a shot at a wall met head-on gives no return; columns per
+    beside its column; range_offsets [m], fixed for this unit; range_noise [m], sigma from shot to
+    shot; dropout, the probability that a shot at a wall met head-on gives no return; columns per
     sweep; rate [Hz]; min_range and max_range [m]; range_step [m], what ranges are rounded to (0:
     not at all); grazing, the cosine of incidence at which 1/e of the shots is lost (0: none is);
-    random_phase, whether sweeps begin at a random fraction of a column; clockwise, as seen from
-    above. A sweep begins and ends behind the sensor.
+    divergence [rad], the width within which a shot across a depth edge returns from in between (0:
+    never); glass and glass_mirror, the probabilities that a pane itself returns a shot at any
+    incidence, and beyond that one that meets it head-on; random_phase, whether sweeps begin at a
+    random fraction of a column; clockwise, as seen from above. A sweep begins and ends behind the
+    sensor.
     """
 
     name: str
@@ -39,6 +41,9 @@ class Sensor:
     max_range: float = 100.0
     range_step: float = 0.0
     grazing: float = 0.0
+    divergence: float = 0.0
+    glass: float = 0.0
+    glass_mirror: float = 0.0
     random_phase: bool = False
     clockwise: bool = True
 
@@ -130,16 +135,20 @@ def _check_table_values(sensor: Sensor) -> None:
 
 
 def _check_scalars(sensor: Sensor) -> None:
-    scalars = (sensor.rate, sensor.min_range, sensor.max_range, sensor.range_step, sensor.grazing)
+    ranges = (sensor.min_range, sensor.max_range, sensor.range_step)
+    optics = (sensor.grazing, sensor.divergence, sensor.glass, sensor.glass_mirror)
+    step = 2.0 * np.pi / max(sensor.columns, 1)
     checks = {
-        "rate, ranges, range_step, grazing: expected finite numbers": bool(
-            np.isfinite(scalars).all()
-        ),
+        "expected finite numbers": bool(np.isfinite((sensor.rate, *ranges, *optics)).all()),
         "rate: expected more than 0 Hz": sensor.rate > 0.0,
         "columns: expected at least 1": sensor.columns >= 1,
         "min_range, max_range: expected 0 <= min < max": 0.0 <= sensor.min_range < sensor.max_range,
         "range_step: expected 0 or more": sensor.range_step >= 0.0,
         "grazing: expected 0 or more": sensor.grazing >= 0.0,
+        "divergence: expected 0 to the step between two columns": 0.0 <= sensor.divergence <= step,
+        "glass, glass_mirror: expected probabilities with a sum of at most 1": min(optics[2:])
+        >= 0.0
+        and sum(optics[2:]) <= 1.0,
     }
     _refuse(sensor, checks)
 
@@ -148,59 +157,3 @@ def _refuse(sensor: Sensor, checks: Mapping[str, bool]) -> None:
     for what, good in checks.items():
         if not good:
             raise InputError(f"sensor {sensor.name}: {what}")
-
-
-# --- presets -------------------------------------------------------------------------------------
-
-_UNIT_SEED = 16
-"""Draws the unit behind ``vlp16``: like a serial number, it does not change with a run's seed."""
-
-
-def _vlp16_geometry() -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Elevations [rad] and firing offsets [s] of a VLP-16 (user manual 63-9243, section 9.4).
-
-    One laser every 2.304 us, by turns from the lower and the upper eight.
-    """
-    ring = np.arange(16)
-    elevations = np.radians(-15.0 + 2.0 * ring)
-    turn = np.where(ring < 8, 2 * ring, 2 * (ring - 8) + 1)
-    return tuple(elevations.tolist()), tuple((2.304e-6 * turn).tolist())
-
-
-def _ideal() -> Sensor:
-    elevations, firing = _vlp16_geometry()
-    zero = (0.0,) * 16
-    return Sensor("ideal", elevations, firing, zero, zero, zero, zero)
-
-
-def _vlp16() -> Sensor:
-    """Figures from two recordings of real units, see the README: in-beam spread 10-17 mm, offsets
-    of +-8 to 28 mm, 16-35 % of the up-looking shots lost."""
-    rng = np.random.default_rng(_UNIT_SEED)
-    elevations, firing = _vlp16_geometry()
-    sign = rng.permutation(np.repeat([-1.0, 1.0], 8))
-    offsets = sign * rng.uniform(0.008, 0.028, 16)
-    noise = rng.uniform(0.010, 0.017, 16)
-    dropout = np.concatenate([rng.uniform(0.01, 0.05, 8), np.sort(rng.uniform(0.16, 0.35, 8))])
-    return Sensor(
-        "vlp16",
-        elevations,
-        firing,
-        azimuth_offsets=(0.0,) * 16,
-        range_offsets=tuple(offsets.tolist()),
-        range_noise=tuple(noise.tolist()),
-        dropout=tuple(dropout.tolist()),
-        range_step=0.002,
-        grazing=0.06,
-        random_phase=True,
-    )
-
-
-SENSORS: Mapping[str, Sensor] = {s.name: s for s in (_vlp16(), _ideal())}
-
-
-def sensor_named(name: str) -> Sensor:
-    """The preset of that name. Raises InputError with the nearest names."""
-    if name not in SENSORS:
-        raise unknown_name("sensor", name, SENSORS)
-    return SENSORS[name]

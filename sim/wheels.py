@@ -29,13 +29,12 @@ class WheelConfig:
 
     track [m] between them and radius [m], as the odometry believes them; radius_tolerance (of both
     alike), radius_mismatch (between them) and track_tolerance: sigma of how far a real unit is off,
-    as a share; grip [s]: creep [m/s] by
-    acceleration [m/s2] of the loaded base (rubber on hard floor: about 1 % at 0.6 m/s and 0.6
+    as a share: what a careful calibration leaves (Borenstein and Feng, 1996); grip [s]: creep [m/s]
+    by acceleration [m/s2] of the loaded base (rubber on hard floor: about 1 % at 0.6 m/s and 0.6
     m/s2); friction: Coulomb's coefficient; rolling: resistance as a share of the weight; patches:
-    how much of the grip dust takes away, in the logarithm, and tread: sigma of the
-    rolling radius as a share (dirt, joints, wear), both changing over patch_length [m]; counts: of
-    the encoder per turn of the wheel. The shares are what is left after a careful calibration
-    (Borenstein and Feng, 1996).
+    how much of the grip dust takes away, in the logarithm, and tread: sigma of the rolling radius
+    as a share (dirt, joints, wear), both changing over patch_length [m]; counts: of the encoder per
+    turn of the wheel.
     """
 
     track: float = 0.30

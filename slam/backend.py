@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import overload
 
 import numpy as np
 
@@ -11,28 +14,40 @@ from slam.core import (
     Array,
     Frame,
     Keyframe,
+    KeyframeScan,
     MapView,
+    PlaneObservation,
     Proposals,
     RoomProposal,
+    RunError,
     WallProposal,
     interpolate,
     inverse,
     pose,
+    transform_plane,
+    transform_points,
 )
 from slam.graph import GraphConfig, LayeredGraph, RoomNode, WallNode
-from slam.planemap import AssociationConfig, Observed, PlaneMap
+from slam.loops import Loop, LoopCloser, LoopConfig
+from slam.planemap import Observed, PlaneMap, PlaneMapConfig
+from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class BackEndConfig:
-    """layers: what enters the graph beside keyframes and planes; merge_every: keyframes between two
-    searches for planes that are one; moved: change of a pose [m, rad] that others are told of."""
+    """layers: what enters the graph beside keyframes and planes; factors: how it constrains the
+    planes, as published or by the relations too; loops: None closes none;
+    merge_every: keyframes between two searches for planes that are one."""
 
     layers: str = "rooms+walls"
+    factors: str = "paper"
+    relations: RelationConfig = field(default_factory=RelationConfig)
+    loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
-    moved: float = 0.005
     graph: GraphConfig = field(default_factory=GraphConfig)
-    association: AssociationConfig = field(default_factory=AssociationConfig)
+    planes: PlaneMapConfig = field(default_factory=PlaneMapConfig)
 
 
 class BackEnd:
@@ -42,15 +57,18 @@ class BackEnd:
     def __init__(self, config: BackEndConfig = BackEndConfig()):
         self._config = config
         self._graph = LayeredGraph(config.graph)
-        self._planes = PlaneMap(config.association)
+        self._estimates = self._graph.estimates
+        self._planes = PlaneMap(self._estimates, config.planes)
         self._frames: list[Frame] = []
         self._online: list[Array] = []
         self._keyframes: list[Frame] = []
+        self._scans: list[KeyframeScan] = []
         self._places: list[int] = []
-        self._poses = np.zeros((0, 4, 4))
-        self._told = np.zeros((0, 4, 4))
-        self._known: dict[int, tuple[Array, float]] = {}
+        self._way = 0.0
         self._T_map_track = np.eye(4)
+        self._failed = False
+        self._thicknesses = Thicknesses(config.relations)
+        self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
     # --- one frame after the other ---
 
@@ -68,37 +86,87 @@ class BackEnd:
         T_map_base = self._T_map_track @ frame.T_track_base
         previous = self._keyframes[-1] if self._keyframes else None
         step = None if previous is None else inverse(previous.T_track_base) @ frame.T_track_base
+        self._way += 0.0 if step is None else float(np.linalg.norm(step[:3, 3]))
+        planes = self._usable_planes(keyframe, frame.keyframe)
+        seen = [observation for _, observation in planes]
+        T_map_base, known = self._planes.associate(T_map_base, seen, self._way)
         self._graph.add_keyframe(keyframe, T_map_base, step)
         self._keyframes.append(frame)
+        self._scans.append(frame.keyframe)
         self._places.append(len(self._frames) - 1)
-        for place, observation in enumerate(frame.keyframe.planes):
-            self._add_observation(keyframe, T_map_base, Observed(keyframe, place, observation))
-        self.optimise()
+        for (place, observation), plane in zip(planes, known, strict=True):
+            self._add_observation(T_map_base, Observed(keyframe, place, observation), plane)
+        self._drop_doubtful(keyframe)
+        self.optimise(whole=self._close_loop())
         if keyframe % self._config.merge_every == 0:
             self._merge()
 
-    def _add_observation(self, keyframe: int, T_map_base: Array, observed: Observed) -> None:
+    def _usable_planes(
+        self, keyframe: int, scan: KeyframeScan
+    ) -> list[tuple[int, PlaneObservation]]:
+        """Observations that are planes, each with its place among the keyframe's."""
+        usable = [(place, o) for place, o in enumerate(scan.planes) if _usable(o)]
+        if len(usable) < len(scan.planes):
+            count = len(scan.planes) - len(usable)
+            log.warning("keyframe %d: %d observations are no planes: left out", keyframe, count)
+        return usable
+
+    def _add_observation(self, T_map_base: Array, observed: Observed, plane: int | None) -> None:
+        """An observation of a plane, or of one that is new."""
         observation = observed.observation
-        plane = self._planes.associate(T_map_base, observation, self._known)
-        normal = T_map_base[:3, :3] @ observation.normal
         if plane is None:
-            plane = self._planes.new_plane()
-            d = observation.d - float(normal @ T_map_base[:3, 3])
-            self._graph.add_plane(plane, normal, d)
-        else:
-            normal = self._known[plane][0]
-        self._graph.observe(keyframe, plane, observation, observed.place)
-        scan_index = self._keyframes[keyframe].index
-        self._planes.support(plane, observed, scan_index, T_map_base, normal)
+            normal, d = transform_plane(T_map_base, observation.normal, observation.d)
+            place = transform_points(T_map_base, observation.centroid)
+            plane = self._graph.add_plane(normal, d, place)
+            self._planes.new_plane(plane)
+        self._graph.observe(observed.keyframe, plane, observation, observed.place)
+        scan_index = self._keyframes[observed.keyframe].index
+        self._planes.support(plane, observed, scan_index, T_map_base, self._way)
 
     def _merge(self) -> None:
-        pairs = self._planes.duplicates(self._known)
+        self._merge_pairs(self._planes.duplicates())
+
+    def _merge_pairs(self, pairs: list[tuple[int, int]]) -> None:
+        """Makes one plane of two: its observations move, what rested on the other is removed."""
         for kept, gone in pairs:
             for moved in self._planes.merge(kept, gone):
                 self._graph.reassign(moved.keyframe, kept, moved.observation, moved.place)
         if pairs:
-            self._graph.forget_concepts_of({gone for _, gone in pairs})
-            self.optimise()
+            merged = {gone for _, gone in pairs}
+            for plane in merged:
+                self._graph.drop_plane(plane)
+            self.optimise(whole=True)
+
+    def _close_loop(self) -> bool:
+        """Looks for a loop that the last keyframe closes; True if it moves the map."""
+        config = self._config.loops
+        if config is None:
+            return False
+        loop = self._closer.find(self._estimates.poses, self._scans, self._way)
+        if loop is None:
+            return False
+        self._graph.close_loop(loop, config.rotation, config.translation)
+        return True
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """The loops that were closed."""
+        return tuple(self._closer.loops)
+
+    def finish(self) -> None:
+        """The last word: planes that are one or were hardly seen, and the whole map solved."""
+        if self._failed or not self._keyframes:
+            return
+        self.optimise(whole=True)
+        self._merge_pairs(self._planes.duplicates(last=True))
+        self._drop_doubtful(len(self._keyframes) - 1, last=True)
+        self.optimise(extra_iterations=3)
+
+    def _drop_doubtful(self, keyframe: int, last: bool = False) -> None:
+        for plane in self._planes.doubtful(keyframe, last):
+            observed = self._planes.drop(plane)
+            self._graph.forget(observed.keyframe, observed.place)
+            self._graph.drop_plane(plane)
 
     def accept(self, proposals: Proposals) -> None:
         """The rooms and walls that the graph holds from now on."""
@@ -109,36 +177,66 @@ class BackEnd:
         if self._config.layers == "rooms+walls":
             walls = {wall.id: w for wall in proposals.walls if (w := self._wall_node(wall))}
         self._graph.set_concepts(rooms, walls)
+        if self._config.factors == "informative":
+            self._merge_pairs(self._alike(rooms))
+            self._relate(rooms, walls)
+
+    def _alike(self, rooms: dict[int, RoomNode]) -> list[tuple[int, int]]:
+        """Pairs (kept, gone) of planes that their being of one room tells to be one."""
+        config = self._config.relations
+        pairs: list[tuple[int, int]] = []
+        for node in rooms.values() if config.merging else ():
+            for a, b in combinations(sorted(node.planes), 2):
+                used = {plane for pair in pairs for plane in pair}
+                if not {a, b} & used and self._planes.is_one_in_a_room(a, b, config.apart):
+                    pairs.append((a, b))
+        return pairs
+
+    def _relate(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
+        """Makes the graph hold what rooms and walls say about planes."""
+        config, normals = self._config.relations, self._estimates.normals
+        alive = self._estimates.alive
+        relations: set[Relation] = set()
+        for room in rooms.values():
+            planes = [plane for plane in room.planes if alive[plane]]
+            relations |= set(room_relations(planes, normals, config))
+        if config.thickness:
+            held = [(w.planes, w.centre) for w in walls.values() if alive[list(w.planes)].all()]
+            relations |= set(self._thicknesses.relations(held, normals, self._estimates.offsets))
+        self._graph.set_relations(relations, config)
 
     def _room_node(self, room: RoomProposal) -> RoomNode | None:
         planes = tuple(
-            dict.fromkeys(piece.plane_id for piece in room.pieces if piece.plane_id in self._known)
+            dict.fromkeys(piece.plane_id for piece in room.pieces if piece.plane_id in self._planes)
         )
         if not planes:
             return None
-        pairs = opposed_pairs([self._known[plane][0] for plane in planes])
+        pairs = opposed_pairs([self._estimates.normals[plane] for plane in planes])
         height = float(np.mean([np.mean(self._planes.view(plane).z_range) for plane in planes]))
         return RoomNode(planes, pairs, np.append(room.centre, height))
 
     def _wall_node(self, wall: WallProposal) -> WallNode | None:
         first, second = (piece.plane_id for piece in wall.pieces)
-        if first == second or not {first, second} <= set(self._known):
+        if first == second or first not in self._planes or second not in self._planes:
             return None
         middle = np.mean([piece.segment.mean(axis=0) for piece in wall.pieces], axis=0)
         height = float(np.mean(self._planes.view(first).z_range))
         return WallNode((first, second), np.append(middle, height))
 
-    def optimise(self, extra_iterations: int = 0) -> None:
-        """Solves the graph and brings poses, planes and the map's points up to date."""
-        self._graph.optimise(extra_iterations)
-        poses = np.array([self._graph.keyframe(k) for k in range(len(self._keyframes))])
-        moved = np.ones(len(poses), dtype=bool)
-        known = len(self._told)
-        moved[:known] = np.abs(poses[:known] - self._told).max(axis=(1, 2)) > self._config.moved
-        self._told = np.where(moved[:, None, None], poses, np.resize(self._told, poses.shape))
-        self._known = {plane: self._graph.plane(plane) for plane in self._planes}
-        self._planes.refresh(poses, self._known, moved)
-        self._poses = poses
+    def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
+        """Solves the graph and brings poses, planes and the map's points up to date.
+
+        Raises RunError when it cannot be solved; from then on the last good estimate is kept.
+        """
+        if self._failed:
+            return
+        try:
+            self._graph.optimise(extra_iterations, whole)
+        except RunError:
+            self._failed = True
+            raise
+        self._planes.refresh()
+        poses = self._estimates.poses
         self._T_map_track = poses[-1] @ inverse(self._keyframes[-1].T_track_base)
 
     # --- answers ---
@@ -149,16 +247,16 @@ class BackEnd:
 
     def dense_view(self) -> MapView:
         """The same with every point that was kept of the planes, for the map that is written."""
-        planes = self._planes.dense(self._poses, self._known)
-        return MapView(self._frames[-1].stamp, planes, self.keyframes())
+        return MapView(self._frames[-1].stamp, self._planes.dense(), self.keyframes())
 
-    def keyframes(self) -> list[Keyframe]:
+    def keyframes(self) -> Sequence[Keyframe]:
         """All keyframes with their poses as estimated now."""
-        return [
-            Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe)
-            for k, frame in enumerate(self._keyframes)
-            if frame.keyframe is not None
-        ]
+        return _Keyframes(self._keyframes, self._estimates.poses.copy())
+
+    @property
+    def plane_count(self) -> int:
+        """How many planes there are in the map."""
+        return len(self._planes)
 
     def latest(self) -> Array:
         """T_map_base (4, 4) of the last scan as it is known now."""
@@ -194,7 +292,8 @@ class BackEnd:
     def _correction(self, before: int, after: int, fraction: float) -> Array:
         """T_map_track between two keyframes."""
         T_before, T_after = (
-            self._poses[k] @ inverse(self._keyframes[k].T_track_base) for k in (before, after)
+            self._estimates.poses[k] @ inverse(self._keyframes[k].T_track_base)
+            for k in (before, after)
         )
         rotations, translations = interpolate(T_before, T_after, np.array([fraction]))
         return pose(rotations[0], translations[0])
@@ -202,6 +301,39 @@ class BackEnd:
     def graph(self) -> LayeredGraph:
         """The layered graph itself, for its nodes and edges."""
         return self._graph
+
+
+def _usable(observation: PlaneObservation) -> bool:
+    """Is it a plane at all: finite, with a direction, points, and a covariance that is one?"""
+    o = observation
+    finite = all(np.isfinite(part).all() for part in (o.normal, o.d, o.centroid, o.covariance))
+    if not finite or len(o.points) == 0 or not np.isfinite(o.points).all():
+        return False
+    upright = abs(float(np.linalg.norm(o.normal)) - 1.0) < 1e-6
+    return upright and bool(np.linalg.eigvalsh(o.covariance)[0] > 0.0)
+
+
+class _Keyframes(Sequence[Keyframe]):
+    """Keyframes that are made when they are looked at: there may be thousands."""
+
+    def __init__(self, frames: list[Frame], poses: Array):
+        self._frames = frames
+        self._poses = poses
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    @overload
+    def __getitem__(self, place: int) -> Keyframe: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[Keyframe]: ...
+    def __getitem__(self, place: int | slice) -> Keyframe | list[Keyframe]:
+        if isinstance(place, slice):
+            return [self[k] for k in range(*place.indices(len(self)))]
+        k = range(len(self))[place]
+        frame = self._frames[k]
+        assert frame.keyframe is not None
+        return Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe)
 
 
 def opposed_pairs(

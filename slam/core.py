@@ -7,6 +7,8 @@ Frames: ``world`` (the simulator's truth), ``map`` (estimates), ``odom``, ``base
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,6 +38,13 @@ class RunError(RoomloopError):
     """A run that could not go on: a collision, a diverged odometry, a failed optimisation."""
 
     exit_status = 3
+
+
+def thread_limit(most: int) -> int:
+    """Threads for a stage that gains from up to ``most``: fewer where OMP_NUM_THREADS says so, as
+    many runs at once do; libraries that know nothing of OpenMP are told through this."""
+    said = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(most, int(said))) if said.isdigit() else most
 
 
 # --- rigid motions -------------------------------------------------------------------------------
@@ -190,12 +199,11 @@ def plane_axes(normal: Array) -> tuple[Array, Array]:
     For a wall the first one is level, to the right of who looks at it from the normal's side; for
     a floor or ceiling it is the x axis, brought into the plane.
     """
-    if abs(normal[2]) > 0.7:
-        first = np.array([1.0, 0.0, 0.0]) - normal[0] * np.asarray(normal)
-    else:
-        first = np.array([-normal[1], normal[0], 0.0])
-    first /= np.linalg.norm(first)
-    return first, np.cross(normal, first)
+    x, y, z = (float(component) for component in normal)
+    a, b, c = (1.0 - x * x, -x * y, -x * z) if abs(z) > 0.7 else (-y, x, 0.0)
+    length = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / length, b / length, c / length
+    return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
 # --- what a sensor gives -------------------------------------------------------------------------

@@ -1,91 +1,91 @@
 """The factors of the layered graph that gtsam lacks, with analytic Jacobians.
 
-gtsam's OrientedPlane3Factor weighs a plane's direction in a basis that jumps (its axis is the
-smallest component of the normal, so for walls it flips between two), and its distance at the
-sensor, where direction and distance are correlated. Here both are measured in the plane's own axes
-and at the centroid of the points, where the covariance of a fitted plane is block-diagonal.
-
-A residual is a function of values; Jacobians are with respect to gtsam's tangents: a Pose3 moves by
-(rotation, translation) on its right, an OrientedPlane3 by two numbers in ``Unit3.basis()`` and d.
+Planes are three numbers in their charts (``slam.charts``), poses and points are gtsam's. A Pose3
+moves by (rotation, translation) on its right. What a keyframe saw of a plane is compared in the
+observed plane's own axes and at the centroid of its points, where the covariance of a fitted plane
+is block-diagonal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import gtsam
 import numpy as np
 
+from slam.charts import Chart
 from slam.core import Array, PlaneObservation, plane_axes, skew
 
-Residual = Callable[[Sequence[Array]], tuple[Array, list[Array]]]
+PlaneKey = tuple[int, Chart]
+"""A plane variable: gtsam's key, and the chart that its three numbers are in."""
+
+Jacobians = list[Array] | None
+Plane = tuple[Array, float, Array, Array]
+"""Normal (3,), d, and their derivatives by the variable (``Chart.derivatives``)."""
 
 
-def plane_of(values: gtsam.Values, key: int) -> tuple[Array, float, Array]:
-    """Normal (3,), d and the basis (3, 2) of the normal's tangent of a plane variable."""
-    plane = values.atOrientedPlane3(key)
-    coefficients = plane.planeCoefficients()
-    return coefficients[:3], float(coefficients[3]), plane.normal().basis()
+def plane_of(values: gtsam.Values, plane: PlaneKey) -> Plane:
+    """A plane variable as normal, d, and their derivatives."""
+    key, chart = plane
+    return chart.derivatives(values.atPoint3(key))
 
 
 def keyframe_plane_factor(
-    pose_key: int, plane_key: int, observation: PlaneObservation
+    pose_key: int,
+    plane: PlaneKey,
+    observation: PlaneObservation,
+    noise: gtsam.noiseModel.Base | None = None,
 ) -> gtsam.CustomFactor:
     """A keyframe's observation of a mapped plane, three residuals.
 
     The mapped plane's normal in the keyframe along the observed plane's two tangents [rad], and the
     distance of the observed centroid from the mapped plane [m].
     """
-    first, second = plane_axes(observation.normal)
-    rows = np.stack([first, second, observation.centroid])
-    noise = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)
+    rows = np.stack([*plane_axes(observation.normal), observation.centroid])
+    turned = skew(rows)  # turned[i] @ n = rows[i] x n
+    if noise is None:
+        noise = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)
 
-    def error(
-        factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None
-    ) -> Array:
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
         T = values.atPose3(pose_key).matrix()
-        n, d, basis = plane_of(values, plane_key)
+        n, d, by_n, by_d = plane_of(values, plane)
         R, t = T[:3, :3], T[:3, 3]
-        n_base = R.T @ n
+        n_base = n @ R
         residual = rows @ n_base
         residual[2] += d + n @ t
         if jacobians is not None:
             by_pose = np.zeros((3, 6))
-            by_pose[:, :3] = rows @ skew(n_base)
+            by_pose[:, :3] = turned @ n_base
             by_pose[2, 3:] = n_base
-            by_plane = np.zeros((3, 3))
-            by_plane[:, :2] = rows @ (R.T @ basis)
-            by_plane[2, :2] += t @ basis
-            by_plane[2, 2] = 1.0
+            by_plane = (rows @ R.T) @ by_n
+            by_plane[2] += t @ by_n + by_d
             jacobians[0], jacobians[1] = by_pose, by_plane
         return residual
 
-    return gtsam.CustomFactor(noise, [pose_key, plane_key], error)
+    return gtsam.CustomFactor(noise, [pose_key, plane[0]], error)
 
 
 def room_factor(
     room_key: int,
-    plane_keys: Sequence[int],
+    planes: Sequence[PlaneKey],
     pairs: Sequence[tuple[int, int]],
     point: Array,
     noise: gtsam.noiseModel.Base,
 ) -> gtsam.CustomFactor:
     """A room's centre against its planes (paper eq. 6 and 7), two residuals [m].
 
-    pairs: places in ``plane_keys`` of planes that face each other (two pairs: eq. 6; one: eq. 7).
+    pairs: places in ``planes`` of planes that face each other (two pairs: eq. 6; one: eq. 7).
     point: (3,) where the room's planes were when it was found. Along each pair the centre is the
     middle between the two planes, across all pairs it stays at ``point``. For perpendicular pairs
     that is the published formula, but it neither depends on the map's origin nor is it singular.
     """
 
-    def error(
-        factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None
-    ) -> Array:
-        planes = [plane_of(values, key) for key in plane_keys]
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        seen = [plane_of(values, plane) for plane in planes]
         residual = values.atPoint2(room_key) - point[:2]
-        by_plane = [np.zeros((2, 3)) for _ in planes]
+        by_plane = [np.zeros((2, 3)) for _ in seen]
         for i, j in pairs:
-            shift, by_i, by_j = middle_shift(planes[i], planes[j], point)
+            shift, by_i, by_j = middle_shift(seen[i], seen[j], point)
             residual = residual - shift[:2]
             by_plane[i] -= by_i[:2]
             by_plane[j] -= by_j[:2]
@@ -95,42 +95,91 @@ def room_factor(
                 jacobians[place + 1] = jacobian
         return residual
 
-    return gtsam.CustomFactor(noise, [room_key, *plane_keys], error)
+    return gtsam.CustomFactor(noise, [room_key, *(key for key, _ in planes)], error)
 
 
 def wall_factor(
-    wall_key: int, plane_keys: Sequence[int], point: Array, noise: gtsam.noiseModel.Base
+    wall_key: int, planes: Sequence[PlaneKey], point: Array, noise: gtsam.noiseModel.Base
 ) -> gtsam.CustomFactor:
     """A wall's middle against its two faces (the paper's wall cost, eq. 7), three residuals [m]."""
 
-    def error(
-        factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None
-    ) -> Array:
-        first, second = (plane_of(values, key) for key in plane_keys)
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        first, second = (plane_of(values, plane) for plane in planes)
         shift, by_first, by_second = middle_shift(first, second, point)
         if jacobians is not None:
             jacobians[0], jacobians[1], jacobians[2] = np.eye(3), -by_first, -by_second
         return values.atPoint3(wall_key) - point - shift
 
-    return gtsam.CustomFactor(noise, [wall_key, *plane_keys], error)
+    return gtsam.CustomFactor(noise, [wall_key, *(key for key, _ in planes)], error)
 
 
-def middle_shift(
-    first: tuple[Array, float, Array], second: tuple[Array, float, Array], point: Array
-) -> tuple[Array, Array, Array]:
+def parallel_factor(
+    first: PlaneKey, second: PlaneKey, axes: Array, same: bool, noise: gtsam.noiseModel.Base
+) -> gtsam.CustomFactor:
+    """Two planes are parallel, facing the same way or away from each other; two residuals [rad].
+
+    axes: (2, 3) two tangents of either plane as it was when the factor was made.
+    """
+    sign = 1.0 if same else -1.0
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
+        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = axes @ by_n1, -sign * axes @ by_n2
+        return axes @ (n1 - sign * n2)
+
+    return gtsam.CustomFactor(noise, [first[0], second[0]], error)
+
+
+def perpendicular_factor(
+    first: PlaneKey, second: PlaneKey, noise: gtsam.noiseModel.Base
+) -> gtsam.CustomFactor:
+    """Two planes are perpendicular; one residual, the cosine between them (about radians)."""
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
+        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = (n2 @ by_n1)[None], (n1 @ by_n2)[None]
+        return np.array([n1 @ n2])
+
+    return gtsam.CustomFactor(noise, [first[0], second[0]], error)
+
+
+def thickness_factor(
+    first: PlaneKey,
+    second: PlaneKey,
+    thickness_key: int,
+    point: Array,
+    noise: gtsam.noiseModel.Base,
+) -> gtsam.CustomFactor:
+    """A wall between two faces that look away from each other is as thick as a scalar variable
+    says; one residual [m]. point: (3,) between the faces, where the thickness is taken."""
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        n1, d1, by_n1, by_d1 = plane_of(values, first)
+        n2, d2, by_n2, by_d2 = plane_of(values, second)
+        if jacobians is not None:
+            jacobians[0] = -(point @ by_n1 + by_d1)[None]
+            jacobians[1] = -(point @ by_n2 + by_d2)[None]
+            jacobians[2] = np.array([[-1.0]])
+        return np.array([-((n1 + n2) @ point + d1 + d2) - values.atDouble(thickness_key)])
+
+    return gtsam.CustomFactor(noise, [first[0], second[0], thickness_key], error)
+
+
+def middle_shift(first: Plane, second: Plane, point: Array) -> tuple[Array, Array, Array]:
     """From ``point`` to the middle plane of two opposed planes, along their common normal.
 
-    Returns the shift (3,) and its derivatives (3, 3) by the tangents of either plane.
+    Returns the shift (3,) and its derivatives (3, 3) by either plane's variable.
     """
-    (n1, d1, basis1), (n2, d2, basis2) = first, second
+    (n1, d1, by_n1, by_d1), (n2, d2, by_n2, by_d2) = first, second
     sum_ = n1 - n2
     length = np.linalg.norm(sum_)
     u = sum_ / length
     gap = 0.5 * ((n1 @ point + d1) - (n2 @ point + d2))
     project = (np.eye(3) - np.outer(u, u)) / length
-    by_first, by_second = np.zeros((3, 3)), np.zeros((3, 3))
-    by_first[:, :2] = -gap * project @ basis1 - 0.5 * np.outer(u, point @ basis1)
-    by_first[:, 2] = -0.5 * u
-    by_second[:, :2] = gap * project @ basis2 + 0.5 * np.outer(u, point @ basis2)
-    by_second[:, 2] = 0.5 * u
+    by_first = -gap * project @ by_n1 - 0.5 * np.outer(u, point @ by_n1 + by_d1)
+    by_second = gap * project @ by_n2 + 0.5 * np.outer(u, point @ by_n2 + by_d2)
     return -gap * u, by_first, by_second

@@ -9,6 +9,7 @@ import numpy as np
 
 from slam.core import Array, Frame, InputError, KeyframeScan, Odometry, Scan, inverse, so3_log
 from slam.extraction import ExtractionConfig, extract_planes
+from slam.odometry import MotionLimits, Stamped, check_motion
 from slam.tracking import PlaneTracker, TrackingConfig
 
 
@@ -17,7 +18,7 @@ class FrontEndConfig:
     """When a scan becomes a keyframe, and what is kept of it.
 
     distance [m] and angle [rad] since the last keyframe; every: one in so many returns is kept
-    beside the planes (the detectors that read free space need no more).
+    beside the planes (the detectors that read free space need no more); limits: of the motion.
     """
 
     distance: float = 0.4
@@ -25,6 +26,7 @@ class FrontEndConfig:
     every: int = 4
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    limits: MotionLimits = field(default_factory=MotionLimits)
 
 
 class FrontEnd:
@@ -34,6 +36,7 @@ class FrontEnd:
         self._odometry = odometry
         self._config = config
         self._tracker = PlaneTracker(config.tracking)
+        self._last: Stamped | None = None
         self._last_keyframe: Array | None = None
         self.seconds: dict[str, float] = {}
 
@@ -43,6 +46,9 @@ class FrontEnd:
         started = time.perf_counter()
         T_odom_base = self._odometry.register(scan)
         T_track_base = self._tracker.track(scan, T_odom_base)
+        # Whatever the odometry checks itself: a jump that no plane has caught is not absorbed.
+        check_motion(self._last, (scan.stamp, T_track_base), self._config.limits)
+        self._last = (scan.stamp, T_track_base)
         self.seconds = {"odometry": time.perf_counter() - started}
         keyframe = None
         if self._is_keyframe(T_track_base):

@@ -5,47 +5,53 @@ Geometry only: the graph holds the estimates, this holds what supports them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.alignment import Sight, aligned
+from slam.association import (
+    AssociationConfig,
+    PlaneBelief,
+    difference,
+    in_chart,
+    statistical_distance,
+)
+from slam.cells import CellGrid, Stretches
 from slam.core import (
     Array,
     Floats,
     IntArray,
     MapPlane,
     PlaneObservation,
-    plane_axes,
     point_ids,
     transform_points,
 )
-
-Planes = dict[int, tuple[Array, float]]
-"""Normal (3,) and d by plane id, map frame."""
+from slam.estimates import Estimates
 
 
 @dataclass(frozen=True)
-class AssociationConfig:
-    """Gates in the map frame. angle [rad], distance [m] between an observation and a mapped plane;
-    sigmas: the same as a multiple of the observation's own standard deviation, whichever is larger;
-    reach [m]: largest hole between their extents along the wall, which is less than the width of a
-    corridor; merge_*: two mapped planes closer than this are one; voxel [m]: of the points that are
-    kept, and coarse_voxel of those that a detector is shown.
-    """
+class PlaneMapConfig:
+    """voxel [m]: of the points that are kept, and coarse_voxel of those that a detector is shown;
+    doubt: keyframes after which a plane that was seen only once is dropped, if it has fewer points
+    than doubt_points (a diagonal across a corner, the edge of a door);
+    grown: a floor or ceiling, which has no end, is shown again when it has grown by this share;
+    plane_moved [rad, m]: change of a plane, and pose_moved [m] of a keyframe, that others are told
+    of."""
 
-    angle: float = np.radians(2.5)
-    distance: float = 0.08
-    sigmas: float = 3.0
-    reach: float = 1.0
-    merge_angle: float = np.radians(1.5)
-    merge_distance: float = 0.04
     voxel: float = 0.05
     coarse_voxel: float = 0.1
+    doubt: int = 8
+    doubt_points: int = 120
+    grown: float = 0.1
+    plane_moved: float = 0.001
+    pose_moved: float = 0.005
+    association: AssociationConfig = field(default_factory=AssociationConfig)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Observed:
     """One observation that supports a plane: its keyframe, and its place among that one's."""
 
@@ -55,27 +61,62 @@ class Observed:
 
 
 @dataclass
-class _Support:
-    """What a mapped plane was built from. points are in the frames of their keyframes."""
+class _Chunk:
+    """The points that one observation added. points: base frame; shown: those that a detector is
+    shown; mapped: those, map frame, as they were told last."""
 
-    observed: list[Observed] = field(default_factory=list)
-    points: list[Floats] = field(default_factory=list)
-    ids: list[IntArray] = field(default_factory=list)
-    keyframes: list[IntArray] = field(default_factory=list)
-    coarse: list[NDArray[np.bool_]] = field(default_factory=list)
-    cells: set[int] = field(default_factory=set)
-    coarse_cells: set[int] = field(default_factory=set)
-    revision: int = 0
+    keyframe: int
+    points: Floats
+    ids: IntArray
+    shown: NDArray[np.bool_]
+    mapped: Array | None = None
+
+    def told(self, poses: Array, moved: NDArray[np.bool_]) -> Array:
+        """The shown points in the map frame, worked out again if the keyframe moved."""
+        if self.mapped is None or moved[self.keyframe]:
+            self.mapped = transform_points(poses[self.keyframe], self.points[self.shown])
+        return self.mapped
+
+
+class _Support:
+    """What a mapped plane was built from, and how far it reaches."""
+
+    def __init__(self, config: PlaneMapConfig):
+        self.observed: list[Observed] = []
+        self.chunks: list[_Chunk] = []
+        self.cells = CellGrid(config.voxel)
+        self.coarse_cells = CellGrid(config.coarse_voxel)
+        self.stretches = Stretches()
+        self.belief = PlaneBelief()
+        self.z_range = (np.inf, -np.inf)
+        self.seen_at = 0.0
+        self.keyframes: set[int] = set()
+        self.shown = 0
+        self.changed = True
+
+    def absorb(self, other: _Support) -> None:
+        """Takes over another's observations and points (its extent is the caller's to add)."""
+        self.observed += other.observed
+        self.chunks += other.chunks
+        self.z_range = _hull(self.z_range, other.z_range)
+        self.seen_at = max(self.seen_at, other.seen_at)
+        self.keyframes |= other.keyframes
+        self.shown += other.shown
+        self.changed = True
 
 
 class PlaneMap:
     """Mapped planes by id, with what supports each."""
 
-    def __init__(self, config: AssociationConfig = AssociationConfig()):
+    def __init__(self, estimates: Estimates, config: PlaneMapConfig = PlaneMapConfig()):
         self._config = config
+        self._estimates = estimates
         self._support: dict[int, _Support] = {}
         self._views: dict[int, MapPlane] = {}
-        self._next = 0
+        self._told_poses = np.zeros((0, 4, 4))
+        self._told_planes = np.zeros((0, 4))
+        self._of_keyframe: dict[int, set[int]] = {}
+        self._unchecked: set[int] = set()
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._support)
@@ -83,151 +124,283 @@ class PlaneMap:
     def __len__(self) -> int:
         return len(self._support)
 
-    def new_plane(self) -> int:
-        """Id of a plane that nothing supports yet."""
-        self._support[self._next] = _Support()
-        self._next += 1
-        return self._next - 1
+    def new_plane(self, plane: int) -> None:
+        """A plane that nothing supports yet."""
+        self._support[plane] = _Support(self._config)
+
+    # --- association ---
 
     def associate(
+        self, T_map_base: Array, observations: Sequence[PlaneObservation], way: float
+    ) -> tuple[Array, list[int | None]]:
+        """The pose aligned to the planes that are seen, and the plane of each observation, or None.
+
+        Twice: loosely from the pose as it is, then strictly from where the planes put it, so that a
+        wall and the next one a few centimetres off are told apart. way: driven so far [m].
+        """
+        config = self._config.association
+        sights: list[Sight] = []
+        for observation in observations:
+            loose = config.pose_angle, config.pose_distance
+            found = self._nearest(T_map_base, observation, way, *loose)
+            if found is not None:
+                plane, covariance = found
+                sights.append((observation, *self._estimates.plane(plane), covariance))
+        T = aligned(T_map_base, sights) if sights else T_map_base
+        strict = [self._nearest(T, observation, way, 0.0, 0.0) for observation in observations]
+        return T, [None if found is None else found[0] for found in strict]
+
+    def _nearest(
         self,
         T_map_base: Array,
         observation: PlaneObservation,
-        planes: Planes,
-    ) -> int | None:
-        """The mapped plane that an observation is of, or None."""
+        way: float,
+        turn: float,
+        shift: float,
+    ) -> tuple[int, Array] | None:
+        """The mapped plane that is statistically nearest, and the covariance of the difference.
+
+        turn [rad], shift [m]: standard deviations of the pose itself.
+        """
+        config = self._config.association
         normal = T_map_base[:3, :3] @ observation.normal
         centroid = transform_points(T_map_base, observation.centroid)
         points = transform_points(T_map_base, observation.points)
-        sigma = np.sqrt(np.diag(observation.covariance))
-        angle = max(self._config.angle, self._config.sigmas * float(sigma[:2].max()))
-        distance = max(self._config.distance, self._config.sigmas * float(sigma[2]))
-        best, best_distance = None, distance
-        for name, (n, d) in planes.items():
-            if n @ normal < np.cos(min(angle, np.radians(15.0))):
-                continue
-            off = abs(float(n @ centroid + d))
-            if off < best_distance and self._meets(name, n, points):
-                best, best_distance = name, off
+        best, smallest = None, config.chi2
+        for plane in self._near(normal, centroid).tolist():
+            support, chart = self._support[plane], self._estimates.chart(plane)
+            off = difference(chart, self._estimates.plane(plane), normal, centroid)
+            covariance = in_chart(chart, T_map_base, observation)
+            covariance += support.belief.covariance(chart.place(centroid[None])[0])
+            apart = way - support.seen_at
+            angle = config.model_angle + apart * config.drift_angle
+            distance = config.model_distance + apart * config.drift_distance
+            covariance += np.diag([angle**2 + turn**2] * 2 + [distance**2 + shift**2])
+            chi2 = statistical_distance(off, covariance)
+            if chi2 < smallest and self._meets(plane, points):
+                best, smallest = (plane, covariance), chi2
         return best
 
-    def _meets(self, plane: int, normal: Array, points: Array) -> bool:
-        """Do the points lie within reach of the plane's extent?"""
-        if abs(normal[2]) > 0.7:
-            return True
-        along = points @ plane_axes(normal)[0]
-        low, high = self._extent(plane, plane_axes(normal)[0])
-        reach = self._config.reach
-        if along.min() > high + reach or along.max() < low - reach:
-            return False
-        mine = self.view(plane).points @ plane_axes(normal)[0]
-        gap = np.maximum(mine - along.max(), along.min() - mine)
-        return bool(gap.min() < reach)
+    def _near(self, normal: Array, centroid: Array) -> IntArray:
+        """Living planes that face the same way and pass by, whatever their extent."""
+        config, estimates = self._config.association, self._estimates
+        fits = estimates.normals @ normal > np.cos(config.angle)
+        fits &= np.abs(estimates.normals @ centroid + estimates.offsets) < config.distance
+        return np.flatnonzero(fits & estimates.alive)
 
-    def _extent(self, plane: int, axis: Array) -> tuple[float, float]:
-        along = self.view(plane).points @ axis
-        return float(along.min()), float(along.max())
+    def _meets(self, plane: int, points: Array) -> bool:
+        """Do the points (map frame) lie within reach of the plane's extent?"""
+        config, support = self._config.association, self._support[plane]
+        chart = self._estimates.chart(plane)
+        if abs(chart.frame[2, 2]) > 0.7:
+            place = chart.place(points.mean(axis=0)[None])[0]
+            return float(np.hypot(*place)) < config.extent
+        low, high = support.z_range
+        if points[:, 2].min() > high - config.overlap or points[:, 2].max() < low + config.overlap:
+            return False
+        return support.stretches.gap(chart.place(points)[:, 0]) < config.reach
+
+    # --- support ---
 
     def support(
-        self, plane: int, observed: Observed, scan_index: int, T_map_base: Array, normal: Array
+        self, plane: int, observed: Observed, scan_index: int, T_map_base: Array, way: float
     ) -> None:
-        """Adds an observation to a plane; keeps its points where the plane had none."""
-        support = self._support[plane]
+        """Adds an observation to a plane; of its points those that the plane does not have yet."""
+        support, chart = self._support[plane], self._estimates.chart(plane)
+        observation = observed.observation
         support.observed.append(observed)
-        self._keep_points(
-            support,
-            observed.keyframe,
-            observed.observation.points,
-            point_ids(scan_index, observed.observation.point_index),
-            T_map_base,
-            normal,
-        )
+        support.keyframes.add(observed.keyframe)
+        support.seen_at = way
+        self._of_keyframe.setdefault(observed.keyframe, set()).add(plane)
+        self._unchecked.add(plane)
+        points = transform_points(T_map_base, observation.points)
+        places = chart.place(points)
+        support.stretches.add(places[:, 0])
+        if len(points):
+            support.z_range = _hull(support.z_range, (points[:, 2].min(), points[:, 2].max()))
+        centroid = chart.place(transform_points(T_map_base, observation.centroid)[None])[0]
+        seen = in_chart(chart, T_map_base, observation)
+        support.belief.add(chart, centroid, seen)
+        self._keep_points(support, observed, scan_index, places)
 
     def _keep_points(
-        self,
-        support: _Support,
-        keyframe: int,
-        points_base: Floats,
-        ids: IntArray,
-        T_map_base: Array,
-        normal: Array,
+        self, support: _Support, observed: Observed, scan_index: int, places: Array
     ) -> None:
-        points = transform_points(T_map_base, points_base)
-        new = _fresh(points, normal, self._config.voxel, support.cells)
-        coarse = _fresh(points[new], normal, self._config.coarse_voxel, support.coarse_cells)
-        support.points.append(points_base[new])
-        support.ids.append(ids[new])
-        support.keyframes.append(np.full(len(new), keyframe))
-        support.coarse.append(np.isin(np.arange(len(new)), coarse))
-        support.revision += 1
+        observation = observed.observation
+        new = support.cells.take(places)
+        if len(new) == 0:
+            return
+        shown = np.zeros(len(new), dtype=bool)
+        shown[support.coarse_cells.take(places[new])] = True
+        ids = point_ids(scan_index, observation.point_index[new])
+        support.chunks.append(_Chunk(observed.keyframe, observation.points[new], ids, shown))
+        count = int(shown.sum())
+        level = bool(abs(observation.normal[2]) > 0.7)
+        support.changed |= not level or count > self._config.grown * support.shown
+        support.shown += count
+
+    # --- merging ---
+
+    def duplicates(self, last: bool = False) -> list[tuple[int, int]]:
+        """Pairs (kept, gone) of planes that are one: same side, coplanar where they meet. Looks at
+        planes that were observed since the last call; the ``last`` time at all of them, however
+        well they are known, since nothing more will be."""
+        if last:
+            self._unchecked = set(self._support)
+        pairs: list[tuple[int, int]] = []
+        gone: set[int] = set()
+        for plane in sorted(self._unchecked & self._support.keys()):
+            normal, _ = self._estimates.plane(plane)
+            middle = self._views[plane].points.mean(axis=0)
+            for other in self._near(normal, middle).tolist():
+                if other == plane or {plane, other} & gone or not self._is_one(plane, other, last):
+                    continue
+                pairs.append((min(plane, other), max(plane, other)))
+                gone.add(max(plane, other))
+        self._unchecked = set()
+        return pairs
+
+    def _is_one(self, a: int, b: int, last: bool) -> bool:
+        """Are two planes one, by what is known of both where the smaller one lies?"""
+        config = self._config.association
+        if self._support[a].shown < self._support[b].shown:
+            a, b = b, a
+        (normal, d), chart = self._estimates.plane(b), self._estimates.chart(a)
+        points = self._views[b].points
+        centroid = points.mean(axis=0)
+        centroid = centroid - (normal @ centroid + d) * normal
+        off = difference(chart, self._estimates.plane(a), normal, centroid)
+        if np.hypot(off[0], off[1]) > config.merge_angle or abs(off[2]) > config.merge_distance:
+            return False
+        place = chart.place(centroid[None])[0]
+        others = self._estimates.chart(b).place(centroid[None])[0]
+        covariance = self._support[a].belief.covariance(place)
+        covariance += self._support[b].belief.covariance(others)
+        covariance += np.diag([config.model_angle**2] * 2 + [config.model_distance**2])
+        known = last or covariance[2, 2] < config.merge_sigma**2
+        close = statistical_distance(off, covariance) < config.merge_chi2
+        return known and close and self._meets(a, points)
+
+    def is_one_in_a_room(self, a: int, b: int, apart: float) -> bool:
+        """Are two planes of one room one? Two surfaces that face the same way and overlap cannot
+        both be seen, unless one is furniture, which stands off by more than ``apart`` [m]."""
+        config = self._config.association
+        if self._support[a].shown < self._support[b].shown:
+            a, b = b, a
+        (normal, d), chart = self._estimates.plane(b), self._estimates.chart(a)
+        centroid = self._views[b].points.mean(axis=0)
+        centroid = centroid - (normal @ centroid + d) * normal
+        off = difference(chart, self._estimates.plane(a), normal, centroid)
+        near = np.hypot(off[0], off[1]) < config.merge_angle and abs(off[2]) < apart
+        along = chart.place(self._views[b].points)[:, 0]
+        return bool(near and self._support[a].stretches.gap(along) == 0.0)
 
     def merge(self, kept: int, gone: int) -> list[Observed]:
         """Moves all support of ``gone`` to ``kept``; returns the observations that moved."""
         into, out = self._support[kept], self._support.pop(gone)
-        self._views.pop(gone, None)
-        into.observed += out.observed
-        into.points += out.points
-        into.ids += out.ids
-        into.keyframes += out.keyframes
-        into.coarse += out.coarse
-        into.cells |= out.cells
-        into.coarse_cells |= out.coarse_cells
-        into.revision = max(into.revision, out.revision) + 1
+        chart = self._estimates.chart(kept)
+        points = self._views.pop(gone).points
+        into.stretches.add(chart.place(points)[:, 0])
+        into.cells.take(chart.place(points))
+        into.coarse_cells.take(chart.place(points))
+        into.belief.merge(out.belief, chart, self._estimates.chart(gone))
+        into.absorb(out)
+        for keyframe in out.keyframes:
+            self._of_keyframe[keyframe] = self._of_keyframe[keyframe] - {gone} | {kept}
+        self._unchecked = self._unchecked - {gone} | {kept}
         return out.observed
 
-    def duplicates(self, planes: Planes) -> list[tuple[int, int]]:
-        """Pairs (kept, gone) of planes that are one: same side, coplanar, extents that touch."""
-        names = list(planes)
-        if len(names) < 2:
-            return []
-        normals = np.array([planes[name][0] for name in names])
-        level = np.abs(normals[:, 2]) > 0.7
-        near = normals @ normals.T > np.cos(self._config.merge_angle)
-        near &= level[:, None] == level[None, :]
-        pairs, gone = [], set()
-        for i, j in zip(*np.nonzero(np.triu(near, 1)), strict=True):
-            a, b = names[i], names[j]
-            if a in gone or b in gone or not self._coplanar(a, b, planes):
-                continue
-            pairs.append((a, b))
-            gone.add(b)
-        return pairs
+    def doubtful(self, keyframe: int, last: bool = False) -> list[int]:
+        """Planes that only one keyframe saw, a while ago (at the ``last``: ever), and little of."""
+        seen = self._of_keyframe.get(keyframe - self._config.doubt, set()) & self._support.keys()
+        if last:
+            seen = set(self._support)
+        return sorted(plane for plane in seen if self._is_doubtful(self._support[plane]))
 
-    def _coplanar(self, a: int, b: int, planes: Planes) -> bool:
-        n, d = planes[a]
-        points = self.view(b).points
-        off = points @ n + d
-        if abs(float(np.median(off))) > self._config.merge_distance:
-            return False
-        back = self.view(a).points @ planes[b][0] + planes[b][1]
-        if abs(float(np.median(back))) > self._config.merge_distance * 2.0:
-            return False
-        return self._meets(a, n, points)
+    def _is_doubtful(self, support: _Support) -> bool:
+        points = sum(len(chunk.ids) for chunk in support.chunks)
+        return len(support.observed) == 1 and points < self._config.doubt_points
 
-    def observations(self, plane: int) -> list[Observed]:
-        """Everything that supports a plane."""
-        return self._support[plane].observed
+    def drop(self, plane: int) -> Observed:
+        """Forgets a plane that was observed once; returns the observation."""
+        self._views.pop(plane)
+        self._unchecked.discard(plane)
+        return self._support.pop(plane).observed[0]
 
-    def refresh(self, poses: Array, planes: Planes, moved: NDArray[np.bool_]) -> None:
-        """Brings the views up to date. poses: (K, 4, 4) T_map_base by keyframe id; moved: (K,)
-        keyframes whose pose changed noticeably since the last call."""
-        for name, (normal, d) in planes.items():
-            support, view = self._support[name], self._views.get(name)
-            keyframes = np.concatenate(support.keyframes)
-            if view is not None and _unchanged(support, view, normal, d, moved[keyframes]):
-                continue
-            support.revision = max(support.revision, view.revision if view else 0) + 1
-            shown = np.concatenate(support.coarse)
-            self._views[name] = _map_plane(name, support, shown, poses, normal, d)
+    # --- views ---
 
-    def dense(self, poses: Array, planes: Planes) -> list[MapPlane]:
+    def refresh(self) -> None:
+        """Brings the views of planes up to date that have changed since they were told."""
+        moved = self._moved_keyframes()
+        stale = {plane for k in np.flatnonzero(moved).tolist() for plane in self._planes_of(k)}
+        stale |= set(self._moved_planes()) | {
+            plane for plane in self._unchecked if self._support[plane].changed
+        }
+        for plane in stale & self._support.keys():
+            self._tell(plane, moved)
+
+    def _planes_of(self, keyframe: int) -> Iterable[int]:
+        return self._of_keyframe.get(keyframe, ())
+
+    def _moved_keyframes(self) -> NDArray[np.bool_]:
+        """(K,) which poses differ from what was told; new ones do not count, their planes do."""
+        poses = self._estimates.poses
+        known = len(self._told_poses)
+        moved = np.zeros(len(poses), dtype=bool)
+        change = np.abs(poses[:known] - self._told_poses).max(axis=(1, 2), initial=0.0)
+        moved[:known] = change > self._config.pose_moved
+        told = poses.copy()
+        told[:known][~moved[:known]] = self._told_poses[~moved[:known]]
+        self._told_poses = told
+        return moved
+
+    def _moved_planes(self) -> list[int]:
+        """Ids of planes that differ from what was told."""
+        estimates = self._estimates
+        # Distances are compared where the plane is, not at the map's origin.
+        now = np.hstack([estimates.normals, estimates.heights[:, None]])
+        known = len(self._told_planes)
+        change = np.abs(now[:known] - self._told_planes).max(axis=1, initial=0.0)
+        moved = np.ones(len(now), dtype=bool)
+        moved[:known] = change > self._config.plane_moved
+        told = now.copy()
+        told[:known][~moved[:known]] = self._told_planes[~moved[:known]]
+        self._told_planes = told
+        return np.flatnonzero(moved & estimates.alive).tolist()
+
+    def _tell(self, plane: int, moved: NDArray[np.bool_]) -> None:
+        support, old = self._support[plane], self._views.get(plane)
+        poses = self._estimates.poses
+        normal, d = self._estimates.plane(plane)
+        support.changed = False
+        self._views[plane] = MapPlane(
+            id=plane,
+            normal=normal,
+            d=d,
+            points=np.concatenate([chunk.told(poses, moved) for chunk in support.chunks]),
+            point_ids=np.concatenate([chunk.ids[chunk.shown] for chunk in support.chunks]),
+            keyframes=np.array(sorted(support.keyframes)),
+            revision=1 + (old.revision if old is not None else 0),
+        )
+
+    def dense(self) -> list[MapPlane]:
         """All planes with all points that were kept."""
-        return [
-            _map_plane(
-                name, support, np.ones(sum(map(len, support.ids)), bool), poses, *planes[name]
-            )
-            for name, support in self._support.items()
-        ]
+        return [self._dense(plane) for plane in self._support]
+
+    def _dense(self, plane: int) -> MapPlane:
+        support, view = self._support[plane], self._views[plane]
+        poses = self._estimates.poses
+        normal, d = self._estimates.plane(plane)
+        points = [transform_points(poses[chunk.keyframe], chunk.points) for chunk in support.chunks]
+        return MapPlane(
+            id=plane,
+            normal=normal,
+            d=d,
+            points=np.concatenate(points),
+            point_ids=np.concatenate([chunk.ids for chunk in support.chunks]),
+            keyframes=np.array(sorted(support.keyframes)),
+            revision=view.revision,
+        )
 
     def view(self, plane: int) -> MapPlane:
         """The plane as it was at the last ``refresh``."""
@@ -238,35 +411,5 @@ class PlaneMap:
         return list(self._views.values())
 
 
-def _unchanged(
-    support: _Support, view: MapPlane, normal: Array, d: float, moved: NDArray[np.bool_]
-) -> bool:
-    still = abs(view.d - d) < 1e-3 and float(view.normal @ normal) > 1.0 - 1e-7
-    return still and view.revision >= support.revision and not moved.any()
-
-
-def _fresh(points: Array, normal: Array, voxel: float, taken: set[int]) -> IntArray:
-    """Places of one point for each cell of a grid on the plane that was not ``taken``; takes it."""
-    first, second = plane_axes(normal)
-    u = np.floor(points @ first / voxel).astype(np.int64)
-    v = np.floor(points @ second / voxel).astype(np.int64)
-    cells, places = np.unique(u * (1 << 24) + v, return_index=True)
-    new = np.array([cell not in taken for cell in cells.tolist()], dtype=bool)
-    taken.update(cells.tolist())
-    return np.sort(places[new])
-
-
-def _map_plane(
-    name: int, support: _Support, shown: NDArray[np.bool_], poses: Array, normal: Array, d: float
-) -> MapPlane:
-    local = np.concatenate(support.points)[shown]
-    T = poses[np.concatenate(support.keyframes)[shown]]
-    return MapPlane(
-        id=name,
-        normal=normal,
-        d=d,
-        points=np.einsum("nij,nj->ni", T[:, :3, :3], local) + T[:, :3, 3],
-        point_ids=np.concatenate(support.ids)[shown],
-        keyframes=np.unique([observed.keyframe for observed in support.observed]),
-        revision=support.revision,
-    )
+def _hull(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return min(a[0], b[0]), max(a[1], b[1])

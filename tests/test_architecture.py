@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "eval": PACKAGES,
 }
 # The training set is made of generated plans; what runs on a robot knows nothing of them.
-TRAINING = ("semantics/dataset.py", "semantics/train.py")
+TRAINING = ("semantics/dataset.py", "semantics/sight.py", "semantics/train.py")
 
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 HEAVY = {"torch", "open3d", "rerun", "matplotlib", "mujoco", "gtsam", "scipy", "numpy", "rich"}
@@ -99,7 +99,7 @@ make_detector("gnn").update(MapView(0.0, (), ()))
 
 
 def test_slam_loads_nothing_of_the_simulator() -> None:
-    code = "import slam.frontend, slam.backend, slam.odometry"
+    code = "import slam.frontend, slam.backend, slam.kiss, slam.vgicp"
     assert not tops(loaded_by(code)) & {"worlds", "sim", "semantics", "eval"}
 
 
@@ -109,12 +109,22 @@ def test_the_command_line_starts_light() -> None:
 
 def test_every_package_is_installed() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    listed = project["tool"]["setuptools"]["packages"]
+    setuptools = project["tool"]["setuptools"]
+    places = setuptools["package-dir"]
+    listed = [places.get(name, name).replace("/", ".") for name in setuptools["packages"]]
     folders = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in SOURCES}
     assert set(listed) == folders
 
 
-@pytest.mark.parametrize("pattern", ["worlds/scenes/*.json", "semantics/weights/*.npz"])
+def test_the_pytest_plugin_loads_nothing_of_ours() -> None:
+    (plugin,) = (ROOT / "eval" / "pytest_plugin").glob("*.py")
+    tops = {module.partition(".")[0] for module in imported(plugin)}
+    assert tops - set(sys.stdlib_module_names) == {"pytest"}
+
+
+@pytest.mark.parametrize(
+    "pattern", ["worlds/scenes/*.json", "semantics/weights/*.npz", "eval/scenarios/*/*.toml"]
+)
 def test_the_data_that_ships_is_there_and_installed(pattern: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     package, _, inside = pattern.partition("/")

@@ -69,8 +69,9 @@ class AsBuilt:
 
     def place_polygon(self, polygon: Polygon, height: float) -> Polygon:
         """A drawn polygon as built, at a height above the floor."""
-        rings = [polygon.exterior, *polygon.interiors]
-        shell, *holes = (self.at_height(_corners(ring), height) for ring in rings)
+        rings = [_corners(ring) for ring in (polygon.exterior, *polygon.interiors)]
+        ends = np.cumsum([len(ring) for ring in rings])[:-1]
+        shell, *holes = np.split(self.at_height(np.concatenate(rings), height), ends)
         return Polygon(shell, holes)
 
     def at_height(self, points: Array, height: float) -> Array:
@@ -153,16 +154,18 @@ def _corners(ring: shapely.LinearRing) -> Array:
 def build_walls(
     outline: Outline,
     cut: MultiPolygon,
+    in_line: IntArray,
     height: float,
     conditions: Conditions,
     rng: np.random.Generator,
 ) -> AsBuilt:
-    """The walls as built. cut: the walls with all openings taken out, which must stay sound.
+    """The walls as built. cut: the walls with all openings taken out, which must stay sound;
+    in_line: (P, 2) sides that are built as one, though they do not touch.
 
     Bodies that would turn a sliver inside out or run through each other are joined into one, until
     the geometry is sound; any valid plan can be built.
     """
-    body = wall_bodies(outline)
+    body = joined(wall_bodies(outline), in_line)
     motions = _draw(outline, body, conditions, rng)
     built = AsBuilt(outline, body, motions, height)
     for _ in range(ROUNDS):

@@ -13,9 +13,11 @@ import shapely
 from shapely.geometry import Polygon
 
 from slam.core import InputError
+from worlds.largebuilding import is_large_building, large_building
 from worlds.outline import clean_union, trace
 from worlds.plan import Plan
-from worlds.readers import DEFAULT, ReaderOptions, read_building
+from worlds.planfile import plan_sources, plan_text
+from worlds.readers import DEFAULT, ReaderOptions, building_files, read_building
 from worlds.rooms import clear_rooms
 
 SCENES = Path(__file__).parent / "scenes"
@@ -75,18 +77,24 @@ def _nearest(name: str) -> str:
     near = difflib.get_close_matches(name.lower(), folded, n=3, cutoff=0.4)
     if near:
         return f"did you mean {' or '.join(folded[n] for n in near)}?"
-    return f"expected one of {', '.join(names)} or the path of a plan file"
+    return f"expected one of {', '.join(names)}, rooms-N-SEED or the path of a plan file"
 
 
 def load_scene(name_or_path: str, options: ReaderOptions = DEFAULT) -> Plan:
-    """The plan of a scene's name or of a building's file (``worlds.readers``). Raises InputError
-    for what cannot be read."""
+    """The plan of a scene's name, ``rooms-N-SEED`` among them, or of a building's file
+    (``worlds.readers``). Raises InputError for what cannot be read."""
+    if is_large_building(name_or_path):
+        return large_building(name_or_path)
     return read_building(scene_path(name_or_path), options)
 
 
-def file_sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, which names exactly what was run."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def scene_sha256(name_or_path: str) -> str:
+    """Hexadecimal SHA-256 of a scene's file or files, which names exactly what was run."""
+    if is_large_building(name_or_path):
+        return hashlib.sha256(plan_text(large_building(name_or_path)).encode()).hexdigest()
+    path = scene_path(name_or_path)
+    sources = plan_sources(path) if path.suffix == ".json" else building_files(path)
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def scene_counts(plan: Plan) -> SceneCounts:

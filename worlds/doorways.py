@@ -22,7 +22,8 @@ THRESHOLD = 0.05
 @dataclass(frozen=True)
 class Doorway:
     """A passable opening as drawn. space: what it takes out of the walls (empty where rooms meet
-    without any); middle: (2,); rooms: NOTHING stands for outside; width, height [m].
+    without any); middle: (2,); rooms: NOTHING stands for outside; width, height [m]; across: (2,)
+    unit vector through it, into the first of the rooms.
     """
 
     space: Polygon
@@ -30,6 +31,7 @@ class Doorway:
     rooms: tuple[int, int]
     width: float
     height: float
+    across: Array
 
 
 def interrupts(opening: Opening) -> bool:
@@ -38,8 +40,8 @@ def interrupts(opening: Opening) -> bool:
 
 
 def passable(opening: Opening) -> bool:
-    """Whether one can drive through: nobody does through a window, however low."""
-    return interrupts(opening) and opening.kind != "window"
+    """Whether one can drive through: nobody does through a window or a pane, however low."""
+    return interrupts(opening) and opening.kind != "window" and not opening.glass
 
 
 def interruptions(outline: Outline, openings: Sequence[Opening]) -> SideMap:
@@ -74,9 +76,9 @@ def doorways(
 def _doorway(
     outline: Outline, opening: Opening, rows: list[tuple[int, float, float]], bounds: SideMap
 ) -> Doorway:
-    space = max(
-        as_multipolygon(opening.footprint.intersection(outline.solid)).geoms, key=lambda p: p.area
-    )
+    footprint = opening.footprint
+    inside = as_multipolygon(footprint.intersection(outline.near(footprint)))
+    space = max(inside.geoms, key=lambda p: p.area)
     longest = max(rows, key=lambda row: row[2] - row[1])
     widths, rooms = [0.0, 0.0], [NOTHING, NOTHING]
     for side, low, high in rows:
@@ -89,7 +91,8 @@ def _doorway(
         rooms[k] = room if rooms[k] == NOTHING else rooms[k]
     middle = np.asarray(space.centroid.coords)[0]
     height = opening.z_max - max(opening.z_min, 0.0)
-    return Doorway(space, middle, (rooms[0], rooms[1]), max(widths), height)
+    across = outline.normal[longest[0]]
+    return Doorway(space, middle, (rooms[0], rooms[1]), max(widths), height, across)
 
 
 def without(solid: MultiPolygon, openings: Sequence[Opening]) -> MultiPolygon:

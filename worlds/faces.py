@@ -13,10 +13,14 @@ from worlds.outline import TOUCH
 from worlds.sidemap import SideMap
 from worlds.truth import CLUTTER, NO_FACE, Face
 
-SAME_PLANE = 0.02
-"""Stretches whose ends are at most this far off each other's plane are coplanar [m]."""
 SAME_DIRECTION = np.cos(np.radians(1.0))
-"""... and whose normals are within one degree of each other."""
+"""Stretches can be coplanar if their normals are within one degree of each other."""
+SAME_PLANE = 0.0005
+"""Stretches of one face are at most this far off each other's plane [m]."""
+MAX_BEND = np.cos(np.radians(20.0))
+"""Cosine of the angle up to which two facets are of one curve."""
+MAX_TURN = np.cos(np.radians(40.0))
+"""... and of how far a curve turns within one face, at most."""
 MIN_LENGTH = 0.5
 """Faces with less real wall than this are not scored [m]."""
 
@@ -46,17 +50,34 @@ def measured(layout: Layout, built: AsBuilt, side: IntArray, low: Array, high: A
     return Stretches(built.normals[side], np.concatenate([ends, z], axis=2))
 
 
-def coplanar(stretches: Stretches) -> IntArray:
-    """(S,) groups of coplanar, same-facing stretches; the longest of a group decides its plane."""
+def coplanar(stretches: Stretches, most_off: float) -> IntArray:
+    """(S,) groups of same-facing stretches whose ends are at most ``most_off`` [m] off one plane;
+    the longest of a group decides which."""
     group = np.full(len(stretches.normal), -1, dtype=np.int64)
     for row in np.argsort(-np.round(stretches.length, 6), kind="stable"):
         if group[row] >= 0:
             continue
         normal, point = stretches.normal[row], stretches.ends[row, 0]
         off = np.abs((stretches.ends - point) @ normal).max(axis=1)
-        same = (off <= SAME_PLANE) & (stretches.normal @ normal >= SAME_DIRECTION)
+        same = (off <= most_off) & (stretches.normal @ normal >= SAME_DIRECTION)
         group[same & (group < 0)] = group.max() + 1
     return group
+
+
+def sides_in_line(layout: Layout) -> IntArray:
+    """(P, 2) sides that bound one room on one line: whoever builds them snaps one line for both."""
+    bounds, outline = layout.bounds, layout.outline
+    wall = ~np.isin(outline.part[bounds.side], list(layout.pillars))
+    level = np.zeros((len(outline.start), 1))
+    normal = np.hstack([outline.normal, level])
+    ends = np.stack([np.hstack([outline.start, level]), np.hstack([outline.end, level])], axis=1)
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    for room in range(len(layout.rooms)):
+        sides = np.unique(bounds.side[(bounds.value == room) & wall])
+        group = coplanar(Stretches(normal[sides], ends[sides]), SAME_PLANE)
+        first = np.unique(group, return_index=True)[1]
+        pairs.append(np.column_stack([sides[first][group], sides]))
+    return np.concatenate(pairs)
 
 
 def storey_faces(
@@ -74,14 +95,49 @@ def storey_faces(
     faces: list[Face] = []
     for room in range(len(layout.rooms)):
         rows = np.flatnonzero((bounds.value == room) & ~pillar)
-        group = coplanar(Stretches(drawn.normal[rows], drawn.ends[rows]))
-        for g in range(int(group.max(initial=-1)) + 1):
-            table = _real_wall(layout, rows[group == g])
+        for own in _groups(layout, drawn, rows):
+            table = _real_wall(layout, own)
             parts = measured(layout, built, table[:, 0].astype(np.int64), table[:, 1], table[:, 2])
             if parts.length.sum() >= MIN_LENGTH:
-                label[rows[group == g]] = face_0 + len(faces)
-                faces.append(_face(layout, parts, face_0 + len(faces), room_0 + room))
+                label[own] = face_0 + len(faces)
+                top = _top(layout, table)
+                faces.append(_face(layout, parts, top, face_0 + len(faces), room_0 + room))
     return faces, bounds.relabelled(label)
+
+
+def _groups(layout: Layout, drawn: Stretches, rows: IntArray) -> list[IntArray]:
+    """Rows of stretches that are one face: those on one plane, and the facets of a curve that are
+    each too short to be scored, taken together until they are long enough."""
+    group = coplanar(Stretches(drawn.normal[rows], drawn.ends[rows]), SAME_PLANE)
+    groups = [rows[group == g] for g in range(int(group.max(initial=-1)) + 1)]
+    facets = [own[0] for own in groups if len(own) == 1 and drawn.length[own[0]] < MIN_LENGTH]
+    curves = _curves(layout, drawn, np.array(facets, dtype=np.int64))
+    of_curves = {int(row) for curve in curves for row in curve}
+    return [own for own in groups if int(own[0]) not in of_curves] + curves
+
+
+def _curves(layout: Layout, drawn: Stretches, facets: IntArray) -> list[IntArray]:
+    """Facets that follow one another round a curve, in runs of at least the scored length that
+    turn by little."""
+    side = layout.bounds.side[facets]
+    place = {int(s): k for k, s in enumerate(side)}
+    before = [place.get(int(p), -1) for p in layout.outline.previous[side]]
+    bends = np.einsum("ij,ij->i", drawn.normal[facets], drawn.normal[facets[before]])
+    first = [k for k in range(len(facets)) if before[k] < 0 or bends[k] < MAX_BEND]
+    following = {b: k for k, b in enumerate(before) if b >= 0 and bends[k] >= MAX_BEND}
+    found: list[IntArray] = []
+    seen: set[int] = set()
+    for start in [*first, *range(len(facets))]:  # the rest are rings without a beginning
+        run: list[int] = []
+        k: int | None = start
+        while k is not None and k not in seen:
+            seen.add(k)
+            run.append(k)
+            if drawn.length[facets[run]].sum() >= MIN_LENGTH:
+                found.append(facets[run])
+                run = []
+            k = following.get(k)
+    return [run for run in found if drawn.normal[run[0]] @ drawn.normal[run[-1]] >= MAX_TURN]
 
 
 def _real_wall(layout: Layout, rows: IntArray) -> Array:
@@ -100,7 +156,17 @@ def _real_wall(layout: Layout, rows: IntArray) -> Array:
     return np.array(found, dtype=np.float64).reshape(-1, 3)
 
 
-def _face(layout: Layout, parts: Stretches, identity: int, room: int) -> Face:
+def _top(layout: Layout, table: Array) -> float:
+    """The highest point above the floor of stretches (P, 3) of real wall: low walls end early."""
+    openings = layout.storey.openings
+    return max(
+        openings[k].z_min if k >= 0 else layout.height
+        for side, low, high in table.tolist()
+        for _, _, k in layout.parapets.split(int(side), low, high)
+    )
+
+
+def _face(layout: Layout, parts: Stretches, top: float, identity: int, room: int) -> Face:
     """One face from its stretches of real wall."""
     normal = parts.length @ parts.normal
     normal /= np.linalg.norm(normal)
@@ -117,6 +183,6 @@ def _face(layout: Layout, parts: Stretches, identity: int, room: int) -> Face:
         d=float(-normal @ middle),
         segment=points[[np.argmin(along), np.argmax(along)]],
         parts=ends,
-        z_range=(layout.storey.z_floor, layout.storey.z_ceiling),
+        z_range=(layout.storey.z_floor, layout.storey.z_floor + top),
         surface=-1,
     )

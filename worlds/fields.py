@@ -75,15 +75,27 @@ class Field:
             self.wrong(f"one of {', '.join(known)}")
         return str(self.value)
 
+    def truth(self) -> bool:
+        """True or false."""
+        if not isinstance(self.value, bool):
+            self.wrong("true or false")
+        return self.value
+
     def number(self) -> float:
         """A finite number of plausible size."""
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
             self.wrong("a number")
-        if not math.isfinite(self.value):
+        if isinstance(self.value, float) and not math.isfinite(self.value):
             self.wrong("a finite number")
         if abs(self.value) > MAX_COORDINATE:
             self.wrong(f"metres within +-{MAX_COORDINATE:.0f}")
         return float(self.value)
+
+    def whole(self) -> int:
+        """A whole number."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            self.wrong("a whole number")
+        return self.value
 
     def positive(self) -> float:
         """A number above zero."""

@@ -46,6 +46,8 @@ class GeneratorConfig:
     """Chance that a room is joined with a neighbour (L-, T- and Z-shapes)."""
     chamfer: float = 0.03
     """Chance that a room has one corner cut off by a slanted wall."""
+    curve: float = 0.0
+    """Chance that such a wall is a quarter of a circle, in facets, where it is one."""
     extra_door: float = 0.2
     """Chance of a door between neighbours that are joined already."""
     shear: float = 0.0
@@ -221,7 +223,7 @@ def _reshape(
                 polygons.append(closet)
                 kinds.append("room")
         elif rng.random() < config.chamfer:
-            polygons[i] = _chamfered(rng, polygons[i])
+            polygons[i] = _chamfered(rng, polygons[i], config.curve)
     return polygons, kinds
 
 
@@ -252,13 +254,18 @@ def _carved(
     return (room, box(cx0, cy0, cx1, cy1)) if isinstance(room, Polygon) else (polygon, None)
 
 
-def _chamfered(rng: np.random.Generator, polygon: Polygon) -> Polygon:
-    """A rectangle with one corner cut off by a slanted wall."""
+def _chamfered(rng: np.random.Generator, polygon: Polygon, curve: float) -> Polygon:
+    """A rectangle with one corner cut off by a slanted wall, or by a round one."""
     x0, y0, x1, y1 = polygon.bounds
     if len(polygon.exterior.coords) != 5 or min(x1 - x0, y1 - y0) < 3.0:
         return polygon
     dx, dy = rng.uniform(0.8, 0.5 * (x1 - x0)), rng.uniform(0.8, 0.5 * (y1 - y0))
-    corner = Polygon([(x0, y0), (x0 + dx, y0), (x0, y0 + dy)])
+    ends = [(x0 + dx, y0), (x0, y0 + dy)]
+    if curve > 0.0 and rng.random() < curve:
+        radius = float(max(dx, dy))
+        angle = np.linspace(1.5 * np.pi, np.pi, 1 + max(2, round(radius * 0.5 * np.pi / 0.7)))
+        ends = [(x0 + radius * (1.0 + np.cos(a)), y0 + radius * (1.0 + np.sin(a))) for a in angle]
+    corner = Polygon([(x0, y0), *ends])
     if rng.random() < 0.5:
         corner = affinity.scale(corner, -1, 1, origin=((x0 + x1) / 2, 0))
     room = polygon.difference(corner)

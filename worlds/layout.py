@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import IntArray
 from worlds.doorways import Doorway, doorways, interruptions, interrupts, passable, without
-from worlds.outline import Outline, joined, trace
+from worlds.outline import TOUCH, Outline, joined, trace
 from worlds.plan import Opening, Storey
 from worlds.rooms import (
     WIDE,
@@ -30,9 +31,10 @@ PILLAR = 1.2
 @dataclass(frozen=True)
 class Layout:
     """rooms: those that are scored, merged where nothing separates them; bounds: the room at each
-    stretch of wall; gaps: where openings that reach the floor interrupt the sides; doors: between
-    two rooms or to the outside; pillars: parts of the outline's solid; cut: walls without any
-    opening; open_cut: walls without the passable ones.
+    stretch of wall; gaps: where openings that reach the floor interrupt the sides; parapets: where
+    those that reach the ceiling, but not the floor, leave a low wall (both by their places in the
+    storey's openings); doors: between two rooms or to the outside; pillars: parts of the outline's
+    solid; cut: walls without any opening; open_cut: walls without the passable ones.
     """
 
     storey: Storey
@@ -40,6 +42,7 @@ class Layout:
     rooms: tuple[ClearRoom, ...]
     bounds: SideMap
     gaps: SideMap
+    parapets: SideMap
     doors: tuple[Doorway, ...]
     pillars: frozenset[int]
     cut: MultiPolygon
@@ -67,7 +70,8 @@ def lay_out(storey: Storey) -> Layout:
         outline=outline,
         rooms=tuple(united(rooms, group, between)),
         bounds=merged_bounds,
-        gaps=_down_to_floor(gaps, storey.openings),
+        gaps=_only(gaps, [interrupts(o) for o in storey.openings]),
+        parapets=_only(gaps, [_above_parapet(o, storey) for o in storey.openings]),
         doors=tuple(_regrouped(doors, group)),
         pillars=_pillars(outline, merged_bounds),
         cut=without(outline.solid, storey.openings),
@@ -85,7 +89,9 @@ def _merge(
     pairs = np.array([*wide, *open_], dtype=np.int64).reshape(-1, 2)
     narrow = [m for m, is_narrow in zip(meetings, apart, strict=True) if is_narrow]
     height = storey.z_ceiling - storey.z_floor
-    gaps = [Doorway(Polygon(), m.ends.mean(axis=0), m.rooms, m.length, height) for m in narrow]
+    gaps = [
+        Doorway(Polygon(), m.ends.mean(axis=0), m.rooms, m.length, height, m.across) for m in narrow
+    ]
     return joined(np.arange(len(rooms)), pairs), [*doors, *gaps]
 
 
@@ -95,12 +101,17 @@ def _regrouped(doors: list[Doorway], group: IntArray) -> list[Doorway]:
     for door in doors:
         a, b = (int(group[room]) if room != NOTHING else NOTHING for room in door.rooms)
         if a != b:
-            found.append(Doorway(door.space, door.middle, (a, b), door.width, door.height))
+            found.append(replace(door, rooms=(a, b)))
     return found
 
 
-def _down_to_floor(gaps: SideMap, openings: tuple[Opening, ...]) -> SideMap:
-    kept = np.array([interrupts(openings[k]) for k in gaps.value], dtype=bool)
+def _above_parapet(opening: Opening, storey: Storey) -> bool:
+    to_ceiling = opening.z_max > storey.z_ceiling - storey.z_floor - TOUCH
+    return to_ceiling and not interrupts(opening) and not opening.glass
+
+
+def _only(gaps: SideMap, wanted: Sequence[bool]) -> SideMap:
+    kept = np.array([wanted[k] for k in gaps.value], dtype=bool)
     return SideMap(gaps.side[kept], gaps.low[kept], gaps.high[kept], gaps.value[kept])
 
 

@@ -29,6 +29,8 @@ THICKEST = 0.6
 """Sides that face away from each other across at most this much wall belong to one body [m]."""
 MIN_COMMON = 0.1
 """... if they run beside each other for this long [m]."""
+AROUND = 0.5
+"""How far around a shape the solid is cut out [m]: farther than anything that is asked of it."""
 SHORT = 0.15
 """A side shorter than this belongs to one body with both its neighbours [m]."""
 
@@ -66,6 +68,13 @@ class Outline:
     def tree(self) -> STRtree:
         """The sides as line strings."""
         return STRtree(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
+
+    def near(self, shape: Polygon | MultiPolygon) -> MultiPolygon | Polygon:
+        """The solid around a shape: what it takes to cut or to fill it, in large buildings too."""
+        low_x, low_y, high_x, high_y = shape.bounds
+        window = (low_x - AROUND, low_y - AROUND, high_x + AROUND, high_y + AROUND)
+        clipped = shapely.clip_by_rect(self.solid, *window)
+        return clipped if clipped.is_valid else self.solid.intersection(shapely.box(*window))
 
     @cached_property
     def _corners(self) -> KDTree:

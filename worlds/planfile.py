@@ -10,7 +10,7 @@
 
 Metres. Centre lines that meet end to end get a proper corner. A door lies on a wall and cuts
 through its whole body; ``kind`` is door, window or opening, ``sill`` and ``head`` are heights above
-the floor.
+the floor, ``glass`` (true or false) closes it with a pane.
 Rooms, walls and doors given by an outline may have ``holes``. ``conditions`` names the preset under
 which the building is built where a run asks for none. A ramp leads from ``storey`` up to the next
 one. ``"building": "SC1F1"`` in the place of ``storeys`` takes the building of that plan file in the
@@ -42,6 +42,7 @@ from worlds.plan import (
     Storey,
 )
 from worlds.planlinks import links_text, read_ramps, read_routes
+from worlds.tangle import tangled
 
 FORMAT = "roomloop-plan-1"
 MAX_VERTICES = 200_000
@@ -148,6 +149,8 @@ def _storey(field: Field, index: int) -> Storey:
         if z_ceiling < z_floor + MIN_HEIGHT:
             parts["z_ceiling"].wrong(f"a height at least {MIN_HEIGHT} m above z_floor {z_floor:g}")
     bodies = _walls(parts["walls"])
+    if tangled(np.array(bodies)):
+        parts["walls"].fail("expected walls, found ones that cross without end")
     walls = as_multipolygon(shapely.union_all(bodies))
     rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items())]
     _check_rooms(parts["rooms"], rooms, walls)
@@ -223,14 +226,15 @@ def _centre_line(field: Field) -> CentreLine:
 
 def _door(field: Field, bodies: STRtree, height: float) -> Opening:
     shape = ("outline",) if _has(field, "outline") else ("at", "width")
-    parts = field.members(shape, ("kind", "height", "sill", "head", "holes"))
+    parts = field.members(shape, ("kind", "height", "sill", "head", "holes", "glass"))
     kind = parts["kind"].choice(OPENING_KINDS) if "kind" in parts else "door"
     z_min, z_max = _heights(field, parts, height)
     footprint = _polygon(parts) if "outline" in parts else _across(parts, bodies)
     touched = bodies.geometries[bodies.query(footprint, predicate="intersects")]
     if not shapely.area(shapely.intersection(touched, footprint)).sum() > 1e-6:
         parts[shape[0]].wrong("a door on a wall: no wall is there")
-    return Opening(kind, footprint, z_min, z_max)
+    glass = parts["glass"].truth() if "glass" in parts else False
+    return Opening(kind, footprint, z_min, z_max, glass)
 
 
 def _has(field: Field, key: str) -> bool:
@@ -322,7 +326,7 @@ def _storey_text(storey: Storey) -> str:
     ]
     doors = [
         f'{{"kind": {_text(o.kind)}, "sill": {o.z_min!r}, "head": {o.z_max!r}, '
-        f"{_outline(o.footprint)}}}"
+        f'"glass": {json.dumps(o.glass)}, {_outline(o.footprint)}}}'
         for o in storey.openings
     ]
     walls = [f"{{{_outline(wall)}}}" for wall in storey.walls.geoms]

@@ -25,8 +25,8 @@ def _ramp(field: Field, storeys: Sequence[Storey]) -> Ramp:
     parts = field.members(("storey", "foot", "head"), ())
     storey = _place(parts["storey"], len(storeys) - 1, "a storey that has another above it")
     ramp = Ramp(storey, _edge(parts["foot"]), _edge(parts["head"]))
-    if not _convex(ramp.outline):
-        field.fail("expected foot and head as the two ends of a convex ramp, left end first")
+    if not _rectangular(ramp.outline):
+        field.fail("expected foot and head as ends of a rectangle, the left end of each first")
     rise = storeys[storey + 1].z_floor - storeys[storey].z_floor
     if not 0.0 < rise <= STEEPEST * ramp.run:
         field.fail(
@@ -50,10 +50,10 @@ def _edge(field: Field) -> Array:
     return np.array(points)
 
 
-def _convex(outline: Polygon) -> bool:
+def _rectangular(outline: Polygon) -> bool:
     """Whether it is, and goes round anticlockwise, as from left to right at its foot."""
     sound = outline.is_valid and outline.area > 1e-3 and outline.exterior.is_ccw
-    return sound and bool(np.isclose(outline.area, outline.convex_hull.area))
+    return sound and outline.area > 0.999 * outline.minimum_rotated_rectangle.area
 
 
 def read_routes(field: Field, storeys: Sequence[Storey]) -> tuple[NamedRoute, ...]:

@@ -53,6 +53,12 @@ class OpenBoundary:
         """[m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
+    @property
+    def across(self) -> Array:
+        """(2,) a unit vector through it, to either side."""
+        run = (self.ends[1] - self.ends[0]) / self.length
+        return np.array([-run[1], run[0]])
+
 
 def clear_rooms(rooms: Sequence[RoomOutline], outline: Outline) -> list[ClearRoom]:
     """The rooms that have free space: the largest part of each outline that no wall covers."""
@@ -61,12 +67,10 @@ def clear_rooms(rooms: Sequence[RoomOutline], outline: Outline) -> list[ClearRoo
     outlines = np.array([room.outline for room in rooms])
     grown = shapely.buffer(outlines, REACH, join_style="mitre", mitre_limit=2.0)
     tree, taken = STRtree(grown), list(outlines)
-    walls = STRtree(shapely.get_parts(outline.solid))
     clear = []
     for i, room in enumerate(rooms):
         others = [taken[j] for j in tree.query(grown[i]) if j != i]
-        solid = walls.geometries[walls.query(grown[i])]
-        free = shapely.union_all([*others, *solid])
+        free = shapely.union_all([*others, outline.near(grown[i])])
         taken[i] = largest_part(grown[i].difference(free))
         if taken[i].area > LEAST:
             clear.append(ClearRoom(room.name, room.kind, taken[i]))

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
-from slam.core import Array
+from slam.core import Array, IntArray
 from worlds.asbuilt import AsBuilt
-from worlds.convex import ConvexPart, convex_parts
+from worlds.convex import ConvexPart, ConvexParts, convex_parts
 from worlds.doorways import THRESHOLD
 from worlds.drafting import as_multipolygon
 from worlds.layout import Layout
 from worlds.outline import TOUCH
 from worlds.plan import Opening
 from worlds.sidemap import SideMap
-from worlds.truth import NO_FACE
+from worlds.truth import GLASS, NO_FACE
 
 OVERLAP = 0.02
 """Walls reach this far into the floor and the ceiling slab, so that no ray slips between [m]."""
+PANE = 0.02
+"""Thickness of a pane of glass [m]."""
 THINNEST = 1e-4
 """Solids thinner than this cannot be built; what is left of them no sensor would notice [m]."""
 
@@ -40,6 +42,16 @@ class Solid:
 
 
 @dataclass(frozen=True)
+class _Ring:
+    """A convex part's outline. points: (K, 2) as drawn; faces: (K,) what each side shows; caps:
+    (T, 3) corners of the triangles that fill it."""
+
+    points: Array
+    faces: IntArray
+    caps: IntArray
+
+
+@dataclass(frozen=True)
 class Mould:
     """What turns a convex part of a drawn polygon into a solid."""
 
@@ -47,24 +59,18 @@ class Mould:
     built: AsBuilt
     labels: SideMap
 
-    def cast(self, name: str, points: Array, part: ConvexPart, z: tuple[float, float]) -> Solid:
-        """The solid over a part of the drawn plan, between two heights above the floor."""
-        ring, faces, triangles = self._ring(points, part)
-        placed = self.built.place(ring)
-        low, high = (self._at(placed, height) for height in z)
-        count = len(ring)
-        here = np.arange(count)
-        there = np.roll(here, -1)
-        sides = [[here, there, there + count], [here, there + count, here + count]]
-        caps = np.array(triangles)
-        return Solid(
-            name=name,
-            vertices=np.concatenate([low, high]),
-            triangles=np.concatenate(
-                [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
-            ).astype(np.int32),
-            face=np.concatenate([faces, faces, np.full(2 * len(caps), NO_FACE)]).astype(np.int32),
-        )
+    def cast(self, name: str, convex: ConvexParts, z: tuple[float, float]) -> list[Solid]:
+        """The solids over convex parts of the drawn plan, between two heights above the floor."""
+        rings = self._rings(convex)
+        if not rings:
+            return []
+        placed = self.built.place(np.concatenate([ring.points for ring in rings]))
+        ends = np.cumsum([len(ring.points) for ring in rings])[:-1]
+        low, high = (np.split(self._at(placed, height), ends) for height in z)
+        return [
+            prism(f"{name}_{k}", bottom, top, ring.faces, ring.caps)
+            for k, (ring, bottom, top) in enumerate(zip(rings, low, high, strict=True))
+        ]
 
     def _at(self, placed: Array, height: float) -> Array:
         """(K, 3) world coordinates at a height above the floor, which may lie beyond the walls."""
@@ -73,16 +79,26 @@ class Mould:
         z = np.full(len(level), self.layout.storey.z_floor + height)
         return np.column_stack([level, z])
 
-    def _ring(
-        self, points: Array, part: ConvexPart
-    ) -> tuple[Array, NDArray[np.int64], list[tuple[int, ...]]]:
-        """The drawn ring, cut where the face changes; the face of each edge; the cap triangles."""
+    def _rings(self, convex: ConvexParts) -> list[_Ring]:
+        """The drawn ring of each part, cut where the face changes."""
         outline = self.layout.outline
-        corners = points[list(part.ring)]
-        following = np.roll(corners, -1, axis=0)
+        order = [corner for part in convex.parts for corner in part.ring]
+        after = [corner for part in convex.parts for corner in (*part.ring[1:], part.ring[0])]
+        corners, following = convex.points[order], convex.points[after]
+        if not order:
+            return []
         side = outline.side_under(corners, following)
         on = np.maximum(side, 0)
         spans = np.column_stack([outline.along(on, corners), outline.along(on, following)])
+        found, k = [], 0
+        for part in convex.parts:
+            own = slice(k, k + len(part.ring))
+            found.append(self._ring(part, corners[own], side[own], spans[own]))
+            k += len(part.ring)
+        return found
+
+    def _ring(self, part: ConvexPart, corners: Array, side: IntArray, spans: Array) -> _Ring:
+        outline = self.layout.outline
         ring: list[Array] = []
         faces: list[int] = []
         place: dict[int, int] = {}
@@ -97,12 +113,34 @@ class Mould:
             faces += [face for _, _, face in cuts]
             ends = [b if spans[k, 0] < spans[k, 1] else a for a, b, _ in cuts[:-1]]
             ring += [outline.start[side[k]] + t * outline.direction[side[k]] for t in ends]
-        triangles = [tuple(place[c] for c in triangle) for triangle in part.triangles]
-        return np.array(ring), np.array(faces, dtype=np.int64), triangles
+        caps = np.array([[place[c] for c in triangle] for triangle in part.triangles])
+        return _Ring(np.array(ring), np.array(faces, dtype=np.int64), caps)
+
+
+def prism(
+    name: str, low: Array, high: Array, faces: IntArray, caps: IntArray, cap: int = NO_FACE
+) -> Solid:
+    """The solid between two rings of corners (K, 3), anticlockwise from above.
+
+    faces: (K,) what its sides show; caps: (T, 3) corners of the triangles that fill a ring; cap:
+    what those show.
+    """
+    count = len(low)
+    here = np.arange(count)
+    there = np.roll(here, -1)
+    sides = [[here, there, there + count], [here, there + count, here + count]]
+    return Solid(
+        name=name,
+        vertices=np.concatenate([low, high]),
+        triangles=np.concatenate(
+            [np.stack(side, axis=1) for side in sides] + [caps[:, ::-1], caps + count]
+        ).astype(np.int32),
+        face=np.concatenate([faces, faces, np.full(2 * len(caps), cap)]).astype(np.int32),
+    )
 
 
 def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) -> list[Solid]:
-    """All walls of a storey: full-height parts, and what is below and above each opening."""
+    """All walls of a storey: full-height parts, what is below and above each opening, panes."""
     mould = Mould(layout, built, labels)
     whole = (-OVERLAP, layout.height + OVERLAP)
     solids = list(_cast_all(mould, layout.cut, whole, f"{prefix}wall"))
@@ -113,7 +151,29 @@ def wall_solids(layout: Layout, built: AsBuilt, labels: SideMap, prefix: str) ->
         if opening.z_max < layout.height - TOUCH:
             span = (opening.z_max, layout.height + OVERLAP)
             solids += _cast_all(mould, space, span, f"{prefix}lintel{k}")
+        if opening.glass:
+            panes = _cast_all(mould, *_pane(layout, space, opening), f"{prefix}pane{k}")
+            solids += [replace(p, face=np.full_like(p.face, GLASS)) for p in panes]
     return [solid for solid in solids if _thickness(solid) > THINNEST]
+
+
+def _pane(
+    layout: Layout, space: MultiPolygon, opening: Opening
+) -> tuple[MultiPolygon, tuple[float, float]]:
+    """The plan of an opening's pane, in the middle of the wall, and its heights above the floor."""
+    outline = layout.outline
+    if space.is_empty:
+        return space, (0.0, 0.0)
+    sides = outline.tree.query(opening.footprint, predicate="intersects")
+    common = shapely.length(shapely.intersection(outline.tree.geometries[sides], opening.footprint))
+    along = outline.direction[sides[int(np.argmax(common))]]
+    middle = np.asarray(space.centroid.coords[0])
+    reach = 2.0 * shapely.length(space)
+    line = shapely.linestrings([middle - reach * along, middle + reach * along])
+    strip = shapely.buffer(line, PANE / 2.0, cap_style="flat")
+    low = opening.z_min if opening.z_min >= THRESHOLD else -OVERLAP
+    high = opening.z_max if opening.z_max < layout.height - TOUCH else layout.height + OVERLAP
+    return as_multipolygon(space.intersection(strip)), (low, high)
 
 
 def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:
@@ -122,12 +182,11 @@ def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:
     if not openings:
         return
     footprints = shapely.STRtree([opening.footprint for opening in openings])
-    polygons = shapely.STRtree(shapely.get_parts(layout.outline.solid))
     for k, opening in enumerate(openings):
         earlier = [openings[i].footprint for i in footprints.query(opening.footprint) if i < k]
         own = opening.footprint.difference(shapely.union_all(earlier))
-        solid = shapely.union_all(polygons.geometries[polygons.query(own)])
-        space = shapely.remove_repeated_points(own.intersection(solid), TOUCH)
+        inside = own.intersection(layout.outline.near(own))
+        space = shapely.remove_repeated_points(inside, TOUCH)
         yield as_multipolygon(space), opening
 
 
@@ -136,9 +195,7 @@ def _cast_all(
 ) -> Iterator[Solid]:
     if polygons.is_empty:
         return
-    convex = convex_parts(polygons)
-    for k, part in enumerate(convex.parts):
-        yield mould.cast(f"{name}_{k}", convex.points, part, z)
+    yield from mould.cast(name, convex_parts(polygons), z)
 
 
 def _thickness(solid: Solid) -> float:

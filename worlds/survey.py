@@ -11,8 +11,9 @@ from shapely import STRtree
 from shapely.geometry import MultiPolygon
 
 from slam.core import Array, IntArray
-from worlds.asbuilt import AsBuilt
-from worlds.faces import Stretches, coplanar, storey_faces
+from worlds.asbuilt import AsBuilt, build_walls
+from worlds.conditions import Conditions
+from worlds.faces import Stretches, coplanar, sides_in_line, storey_faces
 from worlds.layout import Layout
 from worlds.sidemap import NOTHING, SideMap
 from worlds.truth import Door, Face, Floor, Room, Truth, Wall
@@ -23,6 +24,8 @@ THINNEST = 0.01
 """... and at least this far [m]."""
 ANTIPARALLEL = -np.cos(np.radians(1.5))
 """Cosine of the angle between the normals of a wall's two faces, at most."""
+SAME_SURFACE = 0.02
+"""Faces whose ends are at most this far off each other's plane are one surface [m]."""
 MIN_COMMON = 0.3
 """A wall's two faces run beside each other for at least this long [m]."""
 
@@ -34,6 +37,14 @@ class BuiltStorey:
     index: int
     layout: Layout
     built: AsBuilt
+
+
+def as_built(
+    index: int, layout: Layout, conditions: Conditions, rng: np.random.Generator
+) -> BuiltStorey:
+    """A storey built under some conditions."""
+    walls = layout.outline, layout.cut, sides_in_line(layout)
+    return BuiltStorey(index, layout, build_walls(*walls, layout.height, conditions, rng))
 
 
 def survey(storeys: Sequence[BuiltStorey]) -> tuple[Truth, tuple[SideMap, ...]]:
@@ -62,7 +73,7 @@ def _with_surfaces(faces: Sequence[Face]) -> tuple[Face, ...]:
         return ()
     z = [[sum(face.z_range) / 2.0] * 2 for face in faces]
     ends = np.concatenate([[face.segment for face in faces], np.array(z)[..., None]], axis=2)
-    group = coplanar(Stretches(np.array([face.normal for face in faces]), ends))
+    group = coplanar(Stretches(np.array([face.normal for face in faces]), ends), SAME_SURFACE)
     return tuple(replace(face, surface=int(g)) for face, g in zip(faces, group, strict=True))
 
 
@@ -73,11 +84,13 @@ def _floors(storeys: Sequence[BuiltStorey]) -> tuple[Floor, ...]:
 
 def _rooms(storey: BuiltStorey, faces: Sequence[Face], first: int) -> list[Room]:
     built, height = storey.built, storey.layout.height
+    own: dict[int, list[int]] = {}
+    for face in faces:
+        own.setdefault(face.room, []).append(face.id)
     found = []
     for i, room in enumerate(storey.layout.rooms, start=first):
         polygon = built.place_polygon(room.polygon, height / 2.0)
-        own = tuple(face.id for face in faces if face.room == i)
-        found.append(Room(i, room.name, room.kind, storey.index, polygon, own))
+        found.append(Room(i, room.name, room.kind, storey.index, polygon, tuple(own.get(i, ()))))
     return found
 
 

@@ -12,17 +12,36 @@ from dataclasses import dataclass
 from shapely.geometry import Polygon
 
 from slam.core import Array
+from worlds.plan import UNLABELLED
 
 # Labels of LiDAR returns that are not on a face (faces are labelled 0, 1, 2, ...).
 NO_FACE = -1  # jambs, sills, outer walls, faces too short to be scored
 FLOOR = -2
 CEILING = -3
-CLUTTER = -4  # pillars, furniture, people
+CLUTTER = -4  # pillars; building material, ladders, scaffolds
+FURNITURE = -5
+PEOPLE = -6
+GLASS = -7  # panes in windows, partitions and doors
+LEAF = -8  # door leaves
+LABELS = {
+    "none": NO_FACE,
+    "floor": FLOOR,
+    "ceiling": CEILING,
+    "clutter": CLUTTER,
+    "furniture": FURNITURE,
+    "people": PEOPLE,
+    "glass": GLASS,
+    "leaf": LEAF,
+}
+"""By the names that files use."""
 
 
 @dataclass(frozen=True)
 class Face:
     """All coplanar, same-facing parts of one room's boundary.
+
+    Facets of a curve that are shorter than what is scored are taken together: such a face is a
+    chord, and its plane the best one through them.
 
     id: its place in ``Truth.faces`` and the label of the returns from it; segment: (2, 2) its two
     ends in plan view, at mid height, left end first when seen from the room; parts: (P, 2, 2) the
@@ -94,3 +113,9 @@ class Truth:
     rooms: tuple[Room, ...]
     doors: tuple[Door, ...]
     floors: tuple[Floor, ...]
+
+    @property
+    def rooms_known(self) -> bool:
+        """Whether the rooms are truth, not mere free areas of a building that tells of none. Where
+        they are not, neither are walls: faces end where rooms end."""
+        return any(room.kind != UNLABELLED for room in self.rooms)

@@ -7,19 +7,24 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import Array, InputError
-from worlds.asbuilt import build_walls
 from worlds.conditions import AS_BUILT, Conditions
 from worlds.drafting import as_multipolygon
+from worlds.fittings import Fitting
+from worlds.furnishing import furnished
 from worlds.layout import lay_out
-from worlds.model import Slab, building_spec, slabs
-from worlds.plan import Plan, Storey
+from worlds.model import Slab, building_spec, slabs, with_holes
+from worlds.people import Person, add_people, gathered
+from worlds.plan import Plan, Ramp, Storey
+from worlds.ramps import down_to_ceiling, ramp_holes, ramp_solids
+from worlds.redrawn import redrawn
 from worlds.solids import Solid, wall_solids
-from worlds.survey import BuiltStorey, survey
-from worlds.truth import Truth
+from worlds.survey import BuiltStorey, as_built, survey
+from worlds.truth import CEILING, GLASS, Truth
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Mesh:
 
     vertices: (V, 3) float64, world frame [m]; triangles: (T, 3), outward; face: (T,) the face id or
     negative label of ``worlds.truth``; geom_name: (T,) index into geom_names, the MuJoCo geom that
-    holds the triangle.
+    holds the triangle; glass: (T,) whether it is a pane. People move, and are not in it.
     """
 
     vertices: Array
@@ -36,14 +41,17 @@ class Mesh:
     face: NDArray[np.int32]
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
+    glass: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class World:
     """A building as built.
 
-    spec: the building only; whoever adds a base does so to a copy. footprints: per storey of the
-    plan, the walls at floor level with the passable openings taken out (empty if it was not built).
+    spec: the building and its people; whoever adds a base does so to a copy. footprints: per storey
+    of the plan, what nobody drives through: the walls at floor level with the passable openings
+    taken out, and what stands there (empty if it was not built); ramps: those that were built;
+    fittings: what stands there; people: who walk about (where they walk is up to the simulation).
     """
 
     plan: Plan
@@ -51,6 +59,9 @@ class World:
     spec: mujoco.MjSpec
     mesh: Mesh
     footprints: tuple[MultiPolygon, ...]
+    ramps: tuple[Ramp, ...] = ()
+    fittings: tuple[Fitting, ...] = ()
+    people: tuple[Person, ...] = ()
 
 
 def build_world(
@@ -59,25 +70,55 @@ def build_world(
     conditions: Conditions = AS_BUILT,
     storey: int | None = None,
 ) -> World:
-    """The world that a plan becomes; ``storey`` builds that one only.
+    """The world that a plan becomes; ``storey`` builds that one only, without ramps.
 
     The same seed builds the same world, and a storey does not depend on the others.
     """
     storeys = [_built(plan, index, seed, conditions) for index in _wanted(plan, storey)]
+    ramps = plan.ramps if storey is None else ()
     truth, labels = survey(storeys)
     solids: list[Solid] = []
     plates: list[Slab] = []
+    fittings: list[Fitting] = []
+    people: list[Person] = []
+    footprints = [MultiPolygon()] * len(plan.storeys)
     for part, label in zip(storeys, labels, strict=True):
         prefix = f"s{part.index}_"
         drawn = part.layout.storey
         solids += wall_solids(part.layout, part.built, label, prefix)
-        plates += slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix)
+        missing = _holes(part, truth, conditions, _rng(seed, part.index, _CEILINGS))
+        for plate in slabs(_bounds(drawn), drawn.z_floor, drawn.z_ceiling, prefix):
+            holes = ramp_holes(part.index, plate, ramps)
+            if plate.label == CEILING:
+                holes += missing
+            elif holes:
+                plate = down_to_ceiling(plan, part.index, plate)
+            solids += with_holes(plate, holes) if holes else []
+            plates += [] if holes else [plate]
+        standing = furnished(part, truth, conditions, _rng(seed, part.index, _FITTINGS))
+        footprints[part.index] = _footprint(part, standing)
+        fittings += standing
+        people += gathered(
+            [room for room in truth.rooms if room.storey == part.index],
+            footprints[part.index],
+            (drawn.z_floor, drawn.z_ceiling),
+            conditions.people,
+            _rng(seed, part.index, _PEOPLE),
+        )
+    solids += ramp_solids(plan, ramps)
+    spec = building_spec(plan.name, solids, plates, fittings)
+    add_people(spec, people)
+    boxes = [plate.solid() for plate in plates]
+    boxes += [solid for fitting in fittings for solid in fitting.solids()]
     return World(
         plan=plan,
         truth=truth,
-        spec=building_spec(plan.name, solids, plates),
-        mesh=_mesh([*solids, *(plate.solid() for plate in plates)]),
-        footprints=_footprints(plan, storeys),
+        spec=spec,
+        mesh=_mesh([*solids, *boxes]),
+        footprints=tuple(footprints),
+        ramps=ramps,
+        fittings=tuple(fittings),
+        people=tuple(people),
     )
 
 
@@ -99,13 +140,27 @@ def _wanted(plan: Plan, storey: int | None) -> Sequence[int]:
 def _built(
     plan: Plan, index: int, seed: np.random.SeedSequence, conditions: Conditions
 ) -> BuiltStorey:
-    # Not seed.spawn(): that would make a second call with the same seed build another world.
-    own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-    layout = lay_out(plan.storeys[index])
-    built = build_walls(
-        layout.outline, layout.cut, layout.height, conditions, np.random.default_rng(own)
-    )
-    return BuiltStorey(index, layout, built)
+    layout = lay_out(redrawn(plan.storeys[index], conditions, _rng(seed, index, _PLAN)))
+    return as_built(index, layout, conditions, _rng(seed, index))
+
+
+_PLAN, _CEILINGS, _FITTINGS, _PEOPLE = range(4)
+"""What else than the walls of a storey is drawn at random."""
+
+
+def _rng(seed: np.random.SeedSequence, *key: int) -> np.random.Generator:
+    """Not seed.spawn(): that would make a second call with the same seed build another world."""
+    own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
+    return np.random.default_rng(own)
+
+
+def _holes(
+    part: BuiltStorey, truth: Truth, conditions: Conditions, rng: np.random.Generator
+) -> list[Polygon]:
+    """The rooms of a storey that have no ceiling."""
+    rooms = [room for room in truth.rooms if room.storey == part.index]
+    open_ = rng.random(len(rooms)) < conditions.no_ceiling
+    return [room.polygon for room, above in zip(rooms, open_, strict=True) if above]
 
 
 def _bounds(storey: Storey) -> Array:
@@ -122,20 +177,20 @@ def _mesh(solids: Sequence[Solid]) -> Mesh:
     offsets = np.cumsum(sizes) - sizes
     counts = [len(solid.triangles) for solid in solids]
     triangles = [solid.triangles + offset for solid, offset in zip(solids, offsets, strict=True)]
+    face = np.concatenate([solid.face for solid in solids])
     return Mesh(
         vertices=np.concatenate([solid.vertices for solid in solids]),
         triangles=np.concatenate(triangles).astype(np.int32),
-        face=np.concatenate([solid.face for solid in solids]),
+        face=face,
         geom_name=np.repeat(np.arange(len(solids), dtype=np.int32), counts),
         geom_names=tuple(solid.name for solid in solids),
+        glass=face == GLASS,
     )
 
 
-def _footprints(plan: Plan, storeys: Sequence[BuiltStorey]) -> tuple[MultiPolygon, ...]:
-    found = {
-        part.index: as_multipolygon(
-            MultiPolygon([part.built.place_polygon(p, 0.0) for p in part.layout.open_cut.geoms])
-        )
-        for part in storeys
-    }
-    return tuple(found.get(index, MultiPolygon()) for index in range(len(plan.storeys)))
+def _footprint(part: BuiltStorey, fittings: Sequence[Fitting]) -> MultiPolygon:
+    walls = [part.built.place_polygon(p, 0.0) for p in part.layout.open_cut.geoms]
+    if not fittings:
+        return as_multipolygon(MultiPolygon(walls))
+    standing = [fitting.footprint for fitting in fittings]
+    return as_multipolygon(shapely.union_all([*walls, *standing]))

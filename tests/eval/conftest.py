@@ -11,8 +11,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +35,9 @@ from slam.core import (
     transform_points,
 )
 from worlds.truth import Face, Floor, Room, Truth, Wall
+
+# Makes fakes.py importable under --import-mode=importlib.
+sys.path.insert(0, str(Path(__file__).parent))
 
 HEIGHT = 2.5
 BOXES = ((0.0, 0.0, 4.0, 3.0), (4.1, 0.0, 8.1, 3.0), (0.0, 3.1, 8.1, 4.6))

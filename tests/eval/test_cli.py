@@ -12,23 +12,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from fakes import metrics
 
 from eval.cli import main
 from eval.config import RunConfig
-from eval.metrics import Latency, Loops, Metrics, Planes, Rooms, Stages, StageTime, Walls
+from eval.metrics import Rooms, Stages, StageTime
 from eval.outputs import read_metrics, read_tum
 from slam.core import InputError, RunError
 
 Run = Callable[[RunConfig, Callable[[float, float], None]], object]
 Capture = pytest.CaptureFixture[str]
-
-
-def metrics(**known: object) -> Metrics:
-    """Metrics of which only some are known."""
-    values: dict[str, object] = {item.name: None for item in fields(Metrics)}
-    groups = {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
-    timing = {"room_latency_s": Latency(), "stages": Stages(), "status": "complete"}
-    return Metrics(**(values | groups | timing | known))  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -111,6 +104,8 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         speed=0.8,
         storey=1,
         start="office",
+        route="west",
+        closed=True,
         sensor="ideal",
         conditions="ideal",
         detector="my.rooms:Finder",
@@ -118,16 +113,20 @@ def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) ->
         layers="planes",
         factors="paper",
         loops="off",
+        truth="poses.tum",
+        topic="/points",
         save=True,
         cache=tmp_path / "cache",
+        unit="in",
+        up="y",
     )
     flags = [
         part
         for item in fields(RunConfig)
-        if item.name not in ("scene", "save")
+        if item.name not in ("scene", "save", "closed")
         for part in (f"--{item.name}", str(getattr(expected, item.name)))
     ]
-    assert main(["run", "plan.json", "--save", *flags]) == 0
+    assert main(["run", "plan.json", "--save", "--closed", *flags]) == 0
     assert main(["run", "SE1"]) == 0
     assert seen == [expected, RunConfig("SE1")]
 
@@ -274,6 +273,35 @@ def test_a_scene_is_drawn_where_it_says(
     picture = tmp_path / capsys.readouterr().out.strip()
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert list(tmp_path.iterdir()) == [picture]
+
+
+def test_scenes_draws_any_conditions_with_the_route(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "site.png"
+    command = ["scenes", "--show", "SE1", "--conditions", "real-site", "--route"]
+    assert main([*command, "--out", str(path)]) == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out.strip() == str(path)
+
+
+def test_scenes_draws_all_on_one_sheet(tmp_path: Path) -> None:
+    assert main(["scenes", "--sheet", str(tmp_path / "sheet.png")]) == 0
+    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_scenes_writes_the_truth_that_a_run_is_scored_against(tmp_path: Path) -> None:
+    from eval.source import make_world
+    from worlds.truthfile import read_truth
+
+    path = tmp_path / "truth.json"
+    command = ["scenes", "--truth", "SE1", "--seed", "3", "--conditions", "unfinished"]
+    assert main([*command, "--out", str(path)]) == 0
+    world = make_world(RunConfig("SE1", seed=3, conditions="unfinished"))
+    assert [f.d for f in read_truth(path).truth.faces] == [f.d for f in world.truth.faces]
+
+
+def test_scenes_does_one_thing_at_a_time(capsys: Capture) -> None:
+    assert main(["scenes", "--show", "SE1", "--truth", "SE1"]) == 2
+    assert "--show and --truth" in capsys.readouterr().err
 
 
 # --- in a process of its own ----------------------------------------------------------------------

@@ -154,7 +154,7 @@ def test_floors_have_surfaces_too(house) -> None:
     result = score_planes([labelled(p, keeper) for p in planes], truth, keeper.seen, np.eye(4))
     surfaces = [(FLOOR, 0), (FLOOR, 0), (CEILING, 0), (FLOOR, 1), (NO_FACE, 0), (CLUTTER, 0)]
     assert [vote.surface for vote in result.votes] == surfaces
-    labels = ["floor", "floor", "ceiling", "floor", "none", "none"]
+    labels = ["floor", "floor", "ceiling", "floor", "none", "clutter"]
     assert [vote.label for vote in result.votes] == labels
     assert (result.duplicates, result.mixed, result.plane_rmse) == (1, 0, None)
 

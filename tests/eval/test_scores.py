@@ -11,6 +11,7 @@ import pytest
 
 from eval.labels import TruthKeeper
 from eval.metrics import Loops, RunFacts, Stages, StageTime, assemble
+from eval.oracle import OracleDetector
 from eval.outputs import metrics_json
 from eval.picture import picture_of, plan_png
 from eval.score_map import SurfaceDistance
@@ -18,6 +19,7 @@ from eval.scores import RunRecord, Scores, graph_truth, score_run
 from eval.trajectory import Trajectory
 from sim.truth import ScanTruth
 from slam.core import Array, Proposals, RoomProposal, WallProposal, inverse, pose, so3_exp
+from worlds.plan import UNLABELLED
 
 ROUTE = [(1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (6.0, 2.0), (6.0, 3.8), (1.0, 3.8)]
 FACTS = RunFacts(
@@ -95,6 +97,25 @@ def surface(house) -> SurfaceDistance:
         [[[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]] for i in range(12)]
     )
     return SurfaceDistance(corners, quads.reshape(-1, 3), np.repeat(np.arange(12), 2))
+
+
+def test_without_room_truth_rooms_and_walls_are_not_judged(house, surface, tmp_path) -> None:
+    record = drive(house, np.eye(4))
+    rooms = tuple(dataclasses.replace(r, kind=UNLABELLED) for r in house.truth.rooms)
+    record.keeper.truth = dataclasses.replace(house.truth, rooms=rooms)
+    scores = score_run(record, surface)
+    assert scores.planes.completeness == 1.0
+    metrics = json.loads(metrics_json(assemble(FACTS, scores)))
+    assert set(metrics["rooms"].values()) == {None}
+    assert set(metrics["walls"].values()) == {None}
+    assert metrics["first_room_s"] is None
+    layers = {layer for layer, _ in graph_truth(scores, record.keeper.truth, record)}
+    assert layers == {"plane"}
+    picture = picture_of(record, scores)
+    assert picture.title.endswith("no room truth")
+    assert not picture.entered
+    assert OracleDetector(record.keeper).update(record.view) == Proposals()
+    plan_png(record, scores, tmp_path / "plan.png")
 
 
 def test_a_perfect_run(house, surface) -> None:

@@ -1,9 +1,10 @@
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from houses import L_ROOM, TWO_ROOMS_AND_A_CORRIDOR, moved, view
+from houses import L_ROOM, TWO_ROOMS_AND_A_CORRIDOR, around, moved, plane, view
 from shapely.geometry import Point, Polygon
 
 from semantics.detector import DetectorConfig, GnnDetector, make_detector
@@ -74,11 +75,51 @@ def test_identical_and_parallel_planes_make_no_room():
     assert GnnDetector().update(view(parallel)).rooms == ()
 
 
+def test_planes_of_no_length_make_nothing_and_do_no_harm():
+    planes = view(TWO_ROOMS_AND_A_CORRIDOR).planes
+    point = replace(planes[0], id=77, points=np.tile(planes[0].points[:1], (50, 1)))
+    found = GnnDetector().update(MapView(0.0, [*planes, point], []))
+    assert 77 not in {p.plane_id for room in found.rooms for p in room.pieces}
+    assert planes_of(found) == ROOMS
+
+
+def test_numbers_that_are_none_are_refused_with_the_planes_name():
+    planes = list(view(TWO_ROOMS_AND_A_CORRIDOR).planes)
+    for broken in (
+        replace(planes[3], points=np.full((40, 3), np.nan)),
+        replace(planes[3], normal=np.array([np.nan, 0.0, 0.0])),
+        replace(planes[3], d=np.inf),
+    ):
+        with pytest.raises(InputError, match="plane 3"):
+            GnnDetector().update(MapView(0.0, [*planes[:3], broken], []))
+
+
+@pytest.mark.slow
+def test_ten_thousand_planes_are_as_good_as_twelve():
+    sides = [
+        ((x0 + 6.0 * a, y0 + 5.0 * b), (x1 + 6.0 * a, y1 + 5.0 * b))
+        for a in range(50)
+        for b in range(50)
+        for (x0, y0), (x1, y1) in around(0.0, 0.0, 5.8, 4.8)
+    ]
+    planes = [plane(name, side, spacing=0.3) for name, side in enumerate(sides)]
+    found = GnnDetector().update(MapView(0.0, planes, []))
+    assert len(planes) == 10_000
+    right = {frozenset(range(k, k + 4)) for k in range(0, 10_000, 4)}
+    assert len(planes_of(found) & right) > 2450
+
+
+def test_the_papers_detector_finds_rooms_of_four_and_two_planes_only():
+    found = make_detector("paper").update(view(TWO_ROOMS_AND_A_CORRIDOR))
+    assert {len(room.pieces) for room in found.rooms} <= {2, 4}
+    assert planes_of(found) & ROOMS
+
+
 def test_unknown_names_and_absent_weights_are_refused(tmp_path):
     with pytest.raises(InputError, match="gnn-greedy"):
         make_detector("gnm")
-    with pytest.raises(InputError, match="same_room.npz"):
-        GnnDetector(DetectorConfig(weights=tmp_path))
+    with pytest.raises(InputError, match="gnn.npz"):
+        GnnDetector(DetectorConfig(weights=(tmp_path / "gnn.npz",)))
 
 
 def test_inference_loads_neither_worlds_nor_sim():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from houses import TWO_ROOMS_AND_A_CORRIDOR, around, plane, view
@@ -114,3 +116,34 @@ def test_floors_and_ceilings_are_left_out():
         np.zeros(1, dtype=np.int64),
     )
     assert len(Preprocessor()([level])) == 0
+
+
+def test_a_hole_between_two_walls_is_no_piece():
+    """A face with a gap of 1 m, into which two walls run: the door of a passage."""
+    parts = [plane(0, ((0, 0), (3, 0))), plane(0, ((4, 0), (8, 0)))]
+    points = np.vstack([part.points for part in parts])
+    ids = np.arange(len(points))
+    face = MapPlane(0, parts[0].normal, parts[0].d, points, ids, np.zeros(1, dtype=np.int64))
+    walls = [plane(1, ((3.0, 0.1), (3.0, 3.0))), plane(2, ((4.0, 3.0), (4.0, 0.1)))]
+    assert lengths([face, *walls]) == [2.9, 2.9, 3.0, 4.0]
+
+
+def test_what_did_not_change_is_not_worked_out_again():
+    planes = list(view(TWO_ROOMS_AND_A_CORRIDOR).planes)
+    preprocess = Preprocessor()
+    before = preprocess(planes)
+    empty = np.full((50, 3), np.nan)
+    planes[0] = replace(planes[0], points=empty)
+    assert np.array_equal(preprocess(planes).segment, before.segment)
+    planes[0] = replace(planes[0], points=empty, revision=1)
+    with pytest.raises(InputError, match="plane 0"):
+        preprocess(planes)
+
+
+def test_points_that_are_far_apart_are_no_wall():
+    there = plane(3, ((0, 0), (4, 0)))
+    points = np.vstack([there.points, [1e9, 0.0, 1.0]])
+    ids = np.arange(len(points))
+    far = MapPlane(3, there.normal, there.d, points, ids, np.zeros(1, dtype=np.int64))
+    with pytest.raises(InputError, match="plane 3"):
+        Preprocessor()([far])

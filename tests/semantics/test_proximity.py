@@ -9,7 +9,7 @@ from semantics.preprocess import Pieces, Preprocessor
 from semantics.proximity import (
     InvariantFeatures,
     PaperFeatures,
-    closest_pairs,
+    closest_segments,
     features_named,
     proximity_graph,
     segment_gap,
@@ -43,7 +43,7 @@ def test_gaps_are_shapelys(numbers):
 
 def test_every_piece_has_its_nearest_ones():
     pieces = random_pieces(60)
-    i, j, gap = closest_pairs(pieces, 5)
+    i, j, gap = closest_segments(pieces, 5)
     lines = [LineString(s) for s in pieces.segment]
     joined = {frozenset(pair) for pair in zip(i.tolist(), j.tolist(), strict=True)}
     for k, line in enumerate(lines):
@@ -55,7 +55,7 @@ def test_every_piece_has_its_nearest_ones():
 
 def test_a_large_map_gives_nearly_the_same_pairs_as_looking_at_all():
     pieces = random_pieces(400)
-    i, j, _ = closest_pairs(pieces, 15)
+    i, j, _ = closest_segments(pieces, 15)
     a, b = np.triu_indices(400, 1)
     gap = segment_gap(pieces.segment[a], pieces.segment[b])
     rank = np.full((400, 400), np.inf)

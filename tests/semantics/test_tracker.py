@@ -31,11 +31,13 @@ def test_a_room_missed_once_is_kept_and_one_missed_for_long_is_not():
     assert tracker.update([]) == ()
 
 
-def test_a_room_whose_walls_another_one_takes_goes_at_once():
+def test_two_rooms_become_one_only_when_it_lasts():
     tracker = RoomTracker()
     tracker.update([room(0, 1, 2), room(3, 4, 5)])
-    merged = tracker.update([room(0, 1, 2, 3, 4, 5)])
-    assert len(merged) == 1
+    both = room(0, 1, 2, 3, 4, 5)
+    for _ in range(3):
+        assert ids(tracker.update([both])) == [0, 1]
+    assert len(tracker.update([both])) == 1
 
 
 def test_pieces_of_one_plane_far_apart_are_different_rooms():
@@ -68,3 +70,24 @@ def test_a_wall_that_another_one_covers_is_given_up_at_once():
     ]
     assert len(tracker.update(halves)) == 2
     assert len(tracker.update([WallProposal(-1, (piece(0), piece(1)), 0.9)])) == 1
+
+
+def test_a_room_that_was_given_up_and_comes_again_has_its_old_id():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2), room(3, 4, 5)])
+    for _ in range(4):
+        tracker.update([room(3, 4, 5)])
+    assert ids(tracker.update([room(3, 4, 5)])) == [1]
+    assert ids(tracker.update([room(0, 1, 2), room(3, 4, 5), room(6, 7, 8)])) == [0, 1, 2]
+
+
+def test_a_neighbour_that_shares_one_long_wall_does_not_inherit_the_id():
+    tracker = RoomTracker()
+    tracker.update([room(0, 1, 2)])
+    assert ids(tracker.update([room(2, 7, 8)])) == [0, 1]
+
+
+def test_the_same_object_is_the_same_room_and_keeps_its_object():
+    tracker, one = RoomTracker(), room(0, 1, 2)
+    first, second = tracker.update([one]), tracker.update([one])
+    assert second[0] is first[0]

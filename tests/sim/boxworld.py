@@ -23,6 +23,7 @@ class BoxMesh:
     face: NDArray[np.int32]
     geom_name: NDArray[np.int32]
     geom_names: tuple[str, ...]
+    glass: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class BoxWorld:
     spec: mujoco.MjSpec
     mesh: BoxMesh
     footprints: tuple[MultiPolygon, ...]
+    ramps: tuple[()] = ()
+    people: tuple[()] = ()
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Box:
     half: tuple[float, float, float]
     yaw: float = 0.0
     label: int | None = None
+    glass: bool = False
 
     @property
     def rotation(self) -> Array:
@@ -113,6 +117,7 @@ def _mesh_and_faces(boxes: list[Box]) -> tuple[BoxMesh, tuple[Face, ...]]:
         np.array(labels, dtype=np.int32),
         np.array(names, dtype=np.int32),
         tuple(b.name for b in boxes),
+        np.repeat([b.glass for b in boxes], 12),
     )
     return mesh, tuple(faces)
 

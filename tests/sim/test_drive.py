@@ -7,7 +7,7 @@ from sim.base import Base, BaseConfig
 from sim.drive import Drive
 from sim.follower import Follower
 from sim.route import Route, plan_route
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import InputError, RunError, inverse
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT
@@ -81,6 +81,22 @@ def test_the_base_follows_its_route_without_touching_anything():
     speed = np.linalg.norm(np.diff(poses[:, :2, 3], axis=0), axis=1) / 0.1
     assert speed.max() < 0.65
     assert speed[:4].max() < 0.01  # it stands at first
+
+
+def test_the_body_leans_against_what_the_wheels_do():
+    config = BaseConfig(road_height=0.0, road_tilt=0.0)
+    base = Base(flat().spec, 0.0, (2.0, 3.0, 0.0), config, np.random.default_rng(0))
+
+    def lean(speed, turn_rate, steps):
+        for speed_now in np.linspace(*speed, steps):
+            base.step(speed_now, turn_rate)
+        return base.coordinates[4:]
+
+    assert lean((0.0, 0.4), 0.0, 160)[1] < -0.002  # nose up while it speeds up
+    roll, _ = lean((0.4, 0.4), 0.8, 200)
+    assert roll > 0.002  # out of the bend: the left side rises in a left turn
+    assert lean((0.4, 0.0), 0.0, 160)[1] > 0.002
+    assert np.abs(lean((0.0, 0.0), 0.0, 800)).max() < 1e-4
 
 
 def test_stamps_are_the_ends_of_the_sweeps():

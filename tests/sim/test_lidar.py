@@ -3,13 +3,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from boxworld import flat, single_room
+from boxworld import build_box_world, flat, single_room, wall
 
 from sim.base import base_poses
 from sim.caster import RayCaster
 from sim.lidar import Lidar
 from sim.motion import Motion
-from sim.sensor import sensor_named
+from sim.sensorfile import sensor_named
 from slam.core import inverse, pose, so3_exp, transform_points
 from slam.odometry import deskew
 from worlds.catalogue import load_scene
@@ -39,11 +39,15 @@ def sweep(sensor="ideal", moved=None, seed=0, world=None):
     return lidar.sweep(0, 0.1, moved or motion(STANDING))
 
 
+def rays(origins, directions):
+    return np.hstack([origins, directions]).astype(np.float32)
+
+
 def test_rays_hit_where_a_closed_form_says():
     caster = RayCaster(flat().mesh)
     origins = np.tile([2.0, 3.5, 0.5], (4, 1))
     directions = np.array([[-1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0], [-0.6, 0.8, 0]])
-    hits = caster.cast(origins, directions)
+    hits = caster.cast(rays(origins, directions))
     assert hits.distance == pytest.approx([2.0, 2.2, 0.5, 2.75], abs=1e-6)
     assert hits.face[2] == FLOOR
 
@@ -60,7 +64,7 @@ def test_embree_and_mujoco_agree_on_an_as_built_building():
     origins = np.array([[*rooms[k % len(rooms)], 0.5] for k in range(6000)])
     directions = rng.normal(size=(6000, 3)) * [1.0, 1.0, 0.3]
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    hits = caster.cast(origins, directions)
+    hits = caster.cast(rays(origins, directions))
     wrong = 0
     for k in range(len(origins)):
         geom = np.array([-1], dtype=np.int32)
@@ -146,8 +150,8 @@ def test_the_noise_is_what_the_preset_says():
             origin = transform_points(truth.T_world_base, T_BASE_LIDAR[:3, 3])
             world = flat()
             away = truth.points_world[mine] - origin
-            rays = away / np.linalg.norm(away, axis=1, keepdims=True)
-            exact = RayCaster(world.mesh).cast(np.tile(origin, (len(rays), 1)), rays).distance
+            ways = away / np.linalg.norm(away, axis=1, keepdims=True)
+            exact = RayCaster(world.mesh).cast(rays(np.tile(origin, (len(ways), 1)), ways)).distance
             errors.append(np.linalg.norm(away, axis=1) - exact)
             shots += mine.sum()
         error = np.concatenate(errors)
@@ -156,7 +160,105 @@ def test_the_noise_is_what_the_preset_says():
         assert spread == pytest.approx(sensor.range_noise[ring], rel=0.1)
         kept = shots / (20 * sensor.columns)
         assert kept <= 1.0 - sensor.dropout[ring] + 0.02
-        assert kept > 0.55
+        assert kept > 0.9
+
+
+def test_a_shot_across_an_edge_may_return_from_in_between():
+    sensor = replace(sensor_named("ideal"), divergence=0.002)
+    lidar = Lidar(sensor, RayCaster(flat().mesh), np.random.default_rng(0), T_BASE_LIDAR)
+    clean, _ = Lidar(
+        replace(sensor, divergence=0.0),
+        RayCaster(flat().mesh),
+        np.random.default_rng(0),
+        T_BASE_LIDAR,
+    ).sweep(0, 0.1, motion((2.0, 3.5, 0.4)))
+    mixed, _ = lidar.sweep(0, 0.1, motion((2.0, 3.5, 0.4)))
+    ranges, exact = (np.full((sensor.columns, 16), np.nan) for _ in range(2))
+    for scan, table in ((mixed, ranges), (clean, exact)):
+        column = np.floor((scan.times + 0.1) * 18_000 + 1e-6).astype(int)
+        table[column, scan.ring] = np.linalg.norm(scan.points, axis=1)
+    row, beam = np.nonzero(np.abs(np.diff(exact, axis=0)) > 0.1)
+    assert len(row) > 20
+    low, high = (f(exact[row, beam], exact[row + 1, beam]) for f in (np.minimum, np.maximum))
+    blended = 0
+    for shot in (row, row + 1):
+        r = ranges[shot, beam]
+        assert ((r >= low - 1e-6) & (r <= high + 1e-6)).all()
+        blended += ((r > low + 1e-3) & (r < high - 1e-3)).sum()
+    step = abs(sensor.column_step)
+    assert blended / len(row) == pytest.approx(sensor.divergence / step, abs=0.2)
+    untouched = np.abs(ranges - exact) < 1e-9
+    untouched[row, beam] = untouched[row + 1, beam] = True
+    assert untouched[np.isfinite(exact)].all()
+
+
+def glazed():
+    """A room with a thick pane across it, 1 m before the east wall."""
+    boxes = [
+        wall("south", -0.2, -0.2, 6.2, 0.0),
+        wall("north", -0.2, 4.0, 6.2, 4.2),
+        wall("west", -0.2, 0.0, 0.0, 4.0),
+        wall("east", 6.0, 0.0, 6.2, 4.0),
+        replace(wall("pane", 4.99, 0.0, 5.0, 4.0), glass=True),
+    ]
+    return build_box_world(boxes, (), ())
+
+
+def test_glass_lets_most_shots_through_and_mirrors_those_that_meet_it_head_on():
+    world = glazed()
+    pane = world.mesh.geom_names.index("pane")
+    east = world.mesh.geom_names.index("east")
+    shares = {}
+    for glass, mirror in ((0.0, 0.0), (0.1, 0.0), (0.0, 0.8), (1.0, 0.0)):
+        sensor = replace(sensor_named("ideal"), glass=glass, glass_mirror=mirror)
+        lidar = Lidar(sensor, RayCaster(world.mesh), np.random.default_rng(0), T_BASE_LIDAR)
+        scan, truth = lidar.sweep(0, 0.1, motion((2.0, 2.0, 0.0)))
+        at = T_BASE_LIDAR[:3, 3] + [2.0, 2.0, 0.0]
+        azimuth = np.abs(np.arctan2(*(truth.points_world - at)[:, [1, 0]].T))
+        through = azimuth < 0.4
+        through &= np.abs(scan.points[:, 2]) < 0.4  # neither floor nor ceiling
+        head_on = through & (np.linalg.norm(scan.points[:, 1:], axis=1) < 0.3)
+        on_pane = truth.geom == pane
+        shares[glass, mirror] = [
+            on_pane[rows].mean() for rows in (through & (azimuth > 0.3), head_on)
+        ]
+        behind = truth.points_world[truth.geom == east]
+        assert np.abs(behind[:, 0] - 6.0).max(initial=0.0) < 1e-3
+        in_pane = np.abs(truth.points_world[on_pane][:, 0] - 4.995)
+        assert in_pane.max(initial=0.0) < 0.005 + 1e-3
+        assert (np.abs(in_pane - 0.005) < 1e-3).mean() > 0.99 or not len(
+            in_pane
+        )  # but for its ends
+    assert shares[0.0, 0.0] == [0.0, 0.0]
+    assert shares[0.1, 0.0][0] == pytest.approx(0.19, abs=0.04)  # two surfaces
+    assert shares[1.0, 0.0] == [1.0, 1.0]
+    assert shares[0.0, 0.8][1] > 0.5 > shares[0.0, 0.8][0]
+
+
+def test_a_shot_that_meets_too_many_panes_is_lost():
+    panes = [replace(wall(f"p{k}", 2 + k, 0.0, 2.1 + k, 9.0), glass=True) for k in range(5)]
+    world = build_box_world([wall("east", 9.0, 0.0, 9.2, 9.0), *panes], (), ())
+    sensor = sensor_named("ideal")
+    lidar = Lidar(sensor, RayCaster(world.mesh), np.random.default_rng(0), T_BASE_LIDAR)
+    _, truth = lidar.sweep(0, 0.1, motion((1.0, 4.5, 0.0)))
+    assert not (truth.geom == world.mesh.geom_names.index("east")).any()
+
+
+def test_a_sweep_without_a_single_return_is_empty():
+    far = build_box_world([wall("far", 300.0, 0.0, 301.0, 1.0)], (), ())
+    scan, truth = sweep(moved=motion((0.0, 0.0, 0.0)), world=far)
+    assert len(scan) == len(scan.times) == len(scan.ring) == len(truth.face) == 0
+    assert scan.points.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["vlp16-harsh", "os1-32"])
+def test_every_preset_sweeps(name):
+    sensor = sensor_named(name)
+    scan, truth = sweep(name)
+    assert 0.7 * sensor.beams * sensor.columns < len(scan) <= sensor.beams * sensor.columns
+    assert set(scan.ring) == set(range(sensor.beams))
+    in_world = transform_points(truth.T_world_base @ T_BASE_LIDAR, scan.points)
+    assert np.abs(in_world - truth.points_world).max() < 1e-4
 
 
 def test_the_same_generator_gives_the_same_sweep():

@@ -2,10 +2,18 @@ import gtsam
 import numpy as np
 import pytest
 
+from slam.charts import Chart
 from slam.core import PlaneObservation, pose, so3_exp, transform_plane
-from slam.factors import keyframe_plane_factor, room_factor, wall_factor
+from slam.factors import (
+    keyframe_plane_factor,
+    parallel_factor,
+    perpendicular_factor,
+    room_factor,
+    thickness_factor,
+    wall_factor,
+)
 
-POSE, ROOM, PLANES = 0, 1, (10, 11, 12, 13)
+POSE, ROOM, PLANES, THICKNESS = 0, 1, (10, 11, 12, 13), 20
 
 
 def observation(normal, d, centroid):
@@ -39,6 +47,8 @@ def numeric_jacobian(factor, values, key, dimension, step=1e-6):
 def values_dimension(values, key):
     if key == POSE:
         return 6
+    if key == THICKNESS:
+        return 1
     return 3 if key in PLANES or key == 2 else 2
 
 
@@ -53,9 +63,19 @@ def check_jacobians(factor, values):
         column += dimension
 
 
-def random_plane(rng):
+def add_plane(values, key, normal, d, rng=None):
+    """A plane variable in a chart that is not quite its own; returns its key and chart."""
+    rng = rng or np.random.default_rng(key)
+    normal = np.asarray(normal, float)
+    near = normal + rng.normal(0.0, 0.05, 3)
+    chart = Chart.at(rng.normal(size=3), near / np.linalg.norm(near))
+    values.insert(key, chart.coordinates(normal, d))
+    return key, chart
+
+
+def random_direction(rng):
     n = rng.normal(size=3)
-    return gtsam.OrientedPlane3(np.append(n / np.linalg.norm(n), rng.normal()))
+    return n / np.linalg.norm(n)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -63,8 +83,8 @@ def test_keyframe_plane_jacobians(seed):
     rng = np.random.default_rng(seed)
     values = gtsam.Values()
     values.insert(POSE, gtsam.Pose3(pose(so3_exp(rng.normal(size=3)), rng.normal(size=3))))
-    values.insert(PLANES[0], random_plane(rng))
-    factor = keyframe_plane_factor(POSE, PLANES[0], observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]))
+    plane = add_plane(values, PLANES[0], random_direction(rng), rng.normal(), rng)
+    factor = keyframe_plane_factor(POSE, plane, observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]))
     check_jacobians(factor, values)
 
 
@@ -74,44 +94,40 @@ def test_keyframe_plane_error_is_zero_for_the_true_plane_and_metric_beside_it():
     normal, d = transform_plane(T, seen.normal, seen.d)
     values = gtsam.Values()
     values.insert(POSE, gtsam.Pose3(T))
-    values.insert(PLANES[0], gtsam.OrientedPlane3(np.append(normal, d + 0.05)))
-    error = keyframe_plane_factor(POSE, PLANES[0], seen).unwhitenedError(values)
+    plane = add_plane(values, PLANES[0], normal, d + 0.05)
+    error = keyframe_plane_factor(POSE, plane, seen).unwhitenedError(values)
     assert error == pytest.approx([0.0, 0.0, 0.05], abs=1e-9)
 
 
 def box_values(width, depth):
     values = gtsam.Values()
-    for key, plane in zip(
-        PLANES, [(1, 0, 0, 0), (-1, 0, 0, width), (0, 1, 0, 0), (0, -1, 0, depth)], strict=True
-    ):
-        values.insert(key, gtsam.OrientedPlane3(np.array(plane, dtype=float)))
-    return values
+    box = (((1, 0, 0), 0), ((-1, 0, 0), width), ((0, 1, 0), 0), ((0, -1, 0), depth))
+    return values, [add_plane(values, key, *plane) for key, plane in zip(PLANES, box, strict=True)]
 
 
 def test_a_four_plane_room_is_centred_between_its_planes():
-    values = box_values(6.0, 4.0)
+    values, planes = box_values(6.0, 4.0)
     values.insert(ROOM, np.array([3.0, 2.0]))
     noise = gtsam.noiseModel.Unit.Create(2)
     point = np.array([2.0, 2.5, 1.0])  # anywhere inside: the planes decide
-    factor = room_factor(ROOM, PLANES, ((0, 1), (2, 3)), point, noise)
+    factor = room_factor(ROOM, planes, ((0, 1), (2, 3)), point, noise)
     assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_a_two_plane_room_keeps_its_place_along_the_corridor():
-    values = box_values(6.0, 4.0)
+    values, planes = box_values(6.0, 4.0)
     values.insert(ROOM, np.array([2.0, 2.0]))
     noise = gtsam.noiseModel.Unit.Create(2)
-    factor = room_factor(ROOM, PLANES[2:], ((0, 1),), np.array([2.0, 2.5, 1.0]), noise)
+    factor = room_factor(ROOM, planes[2:], ((0, 1),), np.array([2.0, 2.5, 1.0]), noise)
     assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_the_room_factor_does_not_break_where_its_middle_plane_meets_the_origin():
     values = gtsam.Values()
-    values.insert(PLANES[0], gtsam.OrientedPlane3(np.array([0.0, 1.0, 0.0, 1.0])))
-    values.insert(PLANES[1], gtsam.OrientedPlane3(np.array([0.0, -1.0, 0.0, 1.0])))
+    planes = [add_plane(values, PLANES[k], (0, n, 0), 1.0) for k, n in ((0, 1.0), (1, -1.0))]
     values.insert(ROOM, np.array([2.0, 0.0]))
     noise = gtsam.noiseModel.Unit.Create(2)
-    factor = room_factor(ROOM, PLANES[:2], ((0, 1),), np.array([2.0, 0.3, 1.0]), noise)
+    factor = room_factor(ROOM, planes, ((0, 1),), np.array([2.0, 0.3, 1.0]), noise)
     assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
@@ -119,16 +135,58 @@ def test_the_room_factor_does_not_break_where_its_middle_plane_meets_the_origin(
 def test_room_and_wall_jacobians(seed):
     rng = np.random.default_rng(seed)
     values = gtsam.Values()
+    planes = []
     for key, n in zip(PLANES, ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]), strict=True):
         normal = np.array(n) + rng.normal(0.0, 0.05, 3)
-        values.insert(
-            key, gtsam.OrientedPlane3(np.append(normal / np.linalg.norm(normal), rng.normal()))
-        )
+        planes.append(add_plane(values, key, normal / np.linalg.norm(normal), rng.normal(), rng))
     values.insert(ROOM, rng.normal(size=2))
     values.insert(2, rng.normal(size=3))
     point = rng.normal(size=3)
     room = room_factor(
-        ROOM, PLANES, ((0, 1), (2, 3)), point, gtsam.noiseModel.Isotropic.Sigma(2, 0.3)
+        ROOM, planes, ((0, 1), (2, 3)), point, gtsam.noiseModel.Isotropic.Sigma(2, 0.3)
     )
     check_jacobians(room, values)
-    check_jacobians(wall_factor(2, PLANES[:2], point, gtsam.noiseModel.Unit.Create(3)), values)
+    check_jacobians(wall_factor(2, planes[:2], point, gtsam.noiseModel.Unit.Create(3)), values)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("same", [True, False])
+def test_relation_jacobians(seed, same):
+    rng = np.random.default_rng(seed)
+    values = gtsam.Values()
+    first, second = (
+        add_plane(values, key, random_direction(rng), rng.normal(), rng) for key in PLANES[:2]
+    )
+    values.insert(THICKNESS, 0.1)
+    axes = rng.normal(size=(2, 3))
+    one, two = (gtsam.noiseModel.Isotropic.Sigma(size, 0.4) for size in (1, 2))
+    check_jacobians(parallel_factor(first, second, axes, same, two), values)
+    check_jacobians(perpendicular_factor(first, second, one), values)
+    point = rng.normal(size=3)
+    check_jacobians(thickness_factor(first, second, THICKNESS, point, one), values)
+
+
+def test_relations_are_zero_where_they_hold_and_metric_beside_it():
+    values = gtsam.Values()
+    east = add_plane(values, PLANES[0], (1, 0, 0), -0.1)
+    west = add_plane(values, PLANES[1], (-1, 0, 0), 0.0)
+    north = add_plane(values, PLANES[2], (0, np.cos(0.01), np.sin(0.01)), 0.0)
+    leaning = add_plane(values, PLANES[3], (np.cos(0.02), np.sin(0.02), 0), 0.0)
+    values.insert(THICKNESS, 0.09)
+    one, two = (gtsam.noiseModel.Unit.Create(size) for size in (1, 2))
+    axes = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    assert parallel_factor(east, west, axes, False, two).unwhitenedError(values) == pytest.approx(
+        [0.0, 0.0], abs=1e-9
+    )
+    assert parallel_factor(leaning, east, axes, True, two).unwhitenedError(values) == pytest.approx(
+        [0.02, 0.0], abs=1e-5
+    )
+    assert perpendicular_factor(east, north, one).unwhitenedError(values) == pytest.approx(
+        [0.0], abs=1e-9
+    )
+    assert perpendicular_factor(leaning, north, one).unwhitenedError(values) == pytest.approx(
+        [0.02], abs=1e-5
+    )
+    point = np.array([0.05, 1.0, 1.0])
+    error = thickness_factor(east, west, THICKNESS, point, one).unwhitenedError(values)
+    assert error == pytest.approx([0.01], abs=1e-9)

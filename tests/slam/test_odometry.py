@@ -4,9 +4,20 @@ import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, scan_box
 
-from slam.core import InputError, RunError, Scan, inverse, pose, so3_exp, transform_points
+from slam.core import (
+    InputError,
+    RunError,
+    Scan,
+    WheelOdometry,
+    inverse,
+    pose,
+    so3_exp,
+    transform_points,
+)
 from slam.frontend import FrontEnd
-from slam.odometry import KissOdometry, MotionLimits, check_motion, deskew
+from slam.kiss import KissConfig, KissOdometry
+from slam.odometry import MotionLimits, check_motion, deskew
+from slam.vgicp import VgicpOdometry
 
 BOX = box_planes(6.0, 4.0, 2.7)
 
@@ -29,6 +40,42 @@ def test_a_moving_base_is_followed():
     assert np.arctan2(T[1, 0], T[0, 0]) == pytest.approx(0.02 * 19, abs=0.15)
     assert 0.7 < T[0, 3] < 1.2
     assert abs(T[1, 3]) < 0.1
+
+
+def test_wheels_predict_the_motion_of_the_lidar():
+    odometry = KissOdometry(KissConfig(wheels=True))
+    T_base_lidar = pose(so3_exp(np.array([0.1, -0.2, 0.3])), np.array([0.2, 0.1, 0.5]))
+    places = [base_pose(3.0, 2.0, 0.2), base_pose(3.05, 2.01, 0.3)]
+    for k, T in enumerate(places):
+        wheels = WheelOdometry(0.1 * (k + 1), T, np.zeros(6))
+        scan = scan_box(BOX, T, index=k)
+        scan = dataclasses.replace(scan, wheels=wheels, T_base_lidar=T_base_lidar)
+        predicted = odometry._predicted(scan)
+    expected = inverse(places[0] @ T_base_lidar) @ places[1] @ T_base_lidar
+    assert predicted == pytest.approx(expected, abs=1e-12)
+
+
+def test_predicting_by_wheels_where_there_are_none_is_refused():
+    with pytest.raises(InputError, match="scan 4: expected wheel odometry"):
+        KissOdometry(KissConfig(wheels=True)).register(
+            scan_box(BOX, base_pose(3.0, 2.0, 0.0), index=4)
+        )
+
+
+def test_a_sweep_of_nothing_near_enough_leaves_the_odometry_where_it_was():
+    odometry = KissOdometry()
+    scan = scan_box(BOX, base_pose(3.0, 2.0, 0.5))
+    odometry.register(scan)
+    far = dataclasses.replace(scan, index=1, stamp=0.2, points=scan.points * 100.0)
+    assert odometry.register(far) == pytest.approx(np.eye(4), abs=0.02)
+
+
+def test_vgicp_follows_a_moving_base():
+    odometry, rng = VgicpOdometry(), np.random.default_rng(0)
+    for k in range(20):
+        scan = scan_box(BOX, base_pose(2.0 + 0.06 * k, 2.0, 0.02 * k), rng, index=k)
+        T = odometry.register(dataclasses.replace(scan, times=np.zeros(len(scan))))
+    assert T[:2, 3] == pytest.approx([1.14, 0.0], abs=0.1)
 
 
 def test_deskewing_undoes_the_motion_within_the_sweep():

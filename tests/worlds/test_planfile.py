@@ -171,9 +171,10 @@ BAD_LINKS = {
     "too steep": ({"head": [[4, 1.8], [4, 0.2]]}, "slope"),
     "right end first": (
         {"foot": [[-4, 0.2], [-4, 1.8]], "head": [[12, 0.2], [12, 1.8]]},
-        "left end first",
+        "left end",
     ),
-    "crossed": ({"head": [[12, 0.2], [12, 1.8]]}, "convex"),
+    "crossed": ({"head": [[12, 0.2], [12, 1.8]]}, "rectangle"),
+    "askew": ({"head": [[13, 1.8], [12, 0.2]]}, "rectangle"),
     "one end": ({"foot": [[-4, 1.8]]}, "foot"),
     "from the top": ({"storey": 1}, "storey"),
     "half a storey": ({"storey": 0.5}, "storey"),

@@ -300,14 +300,6 @@ def test_points_without_triangles_are_refused(tmp_path):
         read_building(path, METRES)
 
 
-def test_a_gigabyte_is_refused_by_its_size(tmp_path):
-    path = tmp_path / "huge.stl"
-    with path.open("wb") as file:
-        file.truncate(1_000_000_000)
-    with pytest.raises(InputError, match="1000 MB, expected STL of at most 250 MB"):
-        read_building(path)
-
-
 def test_more_triangles_than_a_building_has_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("worlds.readers.meshfile.MAX_TRIANGLES", 100)
     with pytest.raises(InputError, match="at most 100"):

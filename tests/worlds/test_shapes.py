@@ -119,8 +119,9 @@ def test_triangles_lie_on_the_faces_that_they_show(name):
     for face in world.truth.faces:
         mine = corners[world.mesh.face == face.id].reshape(-1, 3)
         assert len(mine)
-        # the plug of rooms that touch in a point stands out by a millimetre
-        assert np.abs(mine @ face.normal + face.d).max() < 2e-3
+        # the plug of rooms that touch in a point stands out by a millimetre; chords of curves do
+        most = 2e-3 if name != "curve" else 0.012
+        assert np.abs(mine @ face.normal + face.d).max() < most
 
 
 def test_a_hit_is_on_the_nearest_triangle_of_the_geom_that_was_hit():
@@ -173,6 +174,26 @@ def test_facets_of_a_round_room_are_faces_each():
     truth = build_world(HARD["facets"], SEED, IDEAL).truth
     assert len(truth.faces) == 24
     assert truth.walls == ()
+
+
+@pytest.mark.parametrize("radius", [1.5, 4.0, 12.0])
+def test_short_facets_of_a_curve_are_taken_together(radius):
+    room = Point(1, 2).buffer(radius, quad_segs=round(radius * 10))
+    world = build_world(plan([room], [around(room)]), SEED, AS_BUILT)
+    covered = sum(face.length for face in world.truth.faces)
+    assert covered > room.length - 2 * 0.5
+    corners = world.mesh.vertices[world.mesh.triangles]
+    for face in world.truth.faces:
+        assert 0.5 <= face.length < 0.8
+        mine = corners[world.mesh.face == face.id].reshape(-1, 3)
+        chord = face.length**2 / (8.0 * radius)
+        assert np.abs(mine @ face.normal + face.d).max() < chord
+
+
+def test_a_corner_of_short_sides_is_no_curve():
+    room = unary_union([box(0, 0, 4, 4), box(1, 4, 1.3, 4.3)])
+    truth = build_world(plan([room], [around(room, 0.5)]), SEED, IDEAL).truth
+    assert len(truth.faces) == 4
 
 
 def test_below_a_window_there_is_wall_and_nobody_drives_through_it():

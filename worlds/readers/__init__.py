@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from shapely.errors import GEOSException
+
 from slam.core import InputError
 from worlds.plan import Plan
 from worlds.planfile import checked_json, plan_of
@@ -12,7 +14,7 @@ from worlds.readers.formats import format_of
 from worlds.readers.options import DEFAULT, ReaderOptions
 from worlds.readers.placing import near_origin
 
-__all__ = ["DEFAULT", "ReaderOptions", "read_building"]
+__all__ = ["DEFAULT", "ReaderOptions", "building_files", "read_building"]
 
 
 def read_building(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
@@ -20,40 +22,55 @@ def read_building(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
     or the yaml of a ROS occupancy map, by its suffix and content.
 
     What has no word on rooms (a mesh, a map without labels, an IFC without spaces) gets its free
-    areas as rooms of the kind ``UNLABELLED``. Raises InputError, in one line, for whatever cannot
-    be read, and for options that its format does not take.
+    areas as rooms of the kind ``UNLABELLED``. What others drew far from the origin is moved there.
+    Raises InputError, in one line, for whatever cannot be read, and for options that its format
+    does not take.
     """
     kind = format_of(path)
     read, taken = _READERS[kind.name]
     for name in ("unit", "up"):
         if getattr(options, name) is not None and name not in taken:
             raise InputError(f"{path}: --{name}: {kind.name} files do not take it")
-    return near_origin(read(path, options))
+    try:
+        return read(path, options)
+    except GEOSException as error:
+        # Outlines that no geometry can be made of, past all that the readers check.
+        reason = (str(error).splitlines() or ["broken"])[0]
+        raise InputError(f"{path}: expected sound outlines: {reason}") from error
+
+
+def building_files(path: Path) -> tuple[Path, ...]:
+    """The file of a building, and those that it names: the images of an occupancy map."""
+    if format_of(path).name != "ROS map":
+        return (path,)
+    from worlds.readers.mapfile import read_map_file
+
+    return read_map_file(path).files
 
 
 def _json(path: Path, _: ReaderOptions) -> Plan:
     from worlds.readers.floorplan import floorplan, is_floorplan
 
     root = checked_json(path)
-    return floorplan(root, path) if is_floorplan(root) else plan_of(root, path)
+    return near_origin(floorplan(root, path)) if is_floorplan(root) else plan_of(root, path)
 
 
 def _ifc(path: Path, options: ReaderOptions) -> Plan:
     from worlds.readers.ifc import read_ifc
 
-    return read_ifc(path, options)
+    return near_origin(read_ifc(path, options))
 
 
 def _mesh(path: Path, options: ReaderOptions) -> Plan:
     from worlds.readers.mesh import read_mesh
 
-    return read_mesh(path, options)
+    return near_origin(read_mesh(path, options))
 
 
 def _rosmap(path: Path, _: ReaderOptions) -> Plan:
     from worlds.readers.rosmap import read_rosmap
 
-    return read_rosmap(path)
+    return near_origin(read_rosmap(path))
 
 
 _READERS: dict[str, tuple[Callable[[Path, ReaderOptions], Plan], tuple[str, ...]]] = {

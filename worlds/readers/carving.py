@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from worlds.drafting import as_multipolygon
 from worlds.plan import Opening
 from worlds.readers.outlines import clean_walls, without_slivers
 
@@ -50,13 +51,16 @@ def carve(slices: Sequence[Slice]) -> tuple[MultiPolygon, tuple[Opening, ...]]:
     remaining: BaseGeometry = walls
     openings: list[Opening] = []
     for low, high, common in _open_spans(slices, gaps):
-        found = without_slivers(common.intersection(remaining), FILM)
-        parts = [part for part in found.geoms if part.area > LEAST]
+        found = common.intersection(remaining)
+        if found.area < LEAST:
+            continue
+        parts = [part for part in without_slivers(found, FILM).geoms if part.area > LEAST]
         if parts and worth_opening(low, high, slices[-1].high):
             kind = "window" if low > WINDOW else "opening"
             sill = 0.0 if low <= STANDS else low
             openings += [Opening(kind, part, sill, high) for part in parts]
-        remaining = remaining.difference(shapely.union_all(parts))
+        rest = as_multipolygon(remaining.difference(shapely.union_all(parts)))
+        remaining = MultiPolygon([part for part in rest.geoms if part.area > LEAST])
     return walls, tuple(openings)
 
 

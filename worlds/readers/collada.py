@@ -16,7 +16,6 @@ MAX_DEPTH = 100
 """Deepest nesting of nodes."""
 MAX_INSTANCES = 200_000
 """Most geometries that a scene can place."""
-BLOCK = 1 << 20
 
 
 @dataclass
@@ -85,9 +84,7 @@ def _parse(path: Path) -> Element:
     parser.EntityDeclHandler = refuse
     try:
         with path.open("rb") as file:
-            while block := file.read(BLOCK):
-                parser.Parse(block, False)
-        parser.Parse(b"", True)
+            parser.ParseFile(file)
     except (expat.ExpatError, LookupError, ValueError) as error:
         raise InputError(f"{path}: expected COLLADA: {error}") from error
     return builder.close()

@@ -25,9 +25,9 @@ from worlds.fields import Field
 from worlds.plan import CEILING_WHERE_UNKNOWN, Plan, RoomOutline, Storey
 from worlds.readers.bodies import Body, Hole, build_up
 from worlds.readers.roomset import kind_of, sound_rooms
-from worlds.readers.tangle import tangled
 from worlds.readers.trees import member, members, number, text
 from worlds.readers.units import METRE, scale_to_metres
+from worlds.tangle import tangled
 
 DOOR_HEIGHT = 2.0
 """Height of an opening whose file gives none [m]."""

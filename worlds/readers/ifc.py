@@ -21,7 +21,8 @@ from worlds.drafting import as_multipolygon
 from worlds.plan import Plan, RoomOutline, Storey
 from worlds.readers.bodies import Body, Hole, Walls, build_up
 from worlds.readers.freeareas import free_areas
-from worlds.readers.ifcfile import Building, Element, read_ifc_file
+from worlds.readers.ifcfile import Building, Element
+from worlds.readers.ifcprocess import read_apart
 from worlds.readers.options import DEFAULT, ReaderOptions
 from worlds.readers.outlines import projected
 from worlds.readers.roomset import kind_of, sound_rooms
@@ -55,7 +56,7 @@ class _Level:
 
 def read_ifc(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
     """The plan of an IFC file. Raises InputError that names file, entity and what was expected."""
-    building = read_ifc_file(path, options)
+    building = read_apart(path, options.unit)
     if not building.walls:
         raise InputError(f"{path}: IfcWall: expected shapes, found none that can be drawn")
     _check_size(path, building, options)

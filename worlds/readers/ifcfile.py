@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from slam.core import Array, InputError, IntArray
-from worlds.readers.options import ReaderOptions
 from worlds.readers.units import unit_scale
 
 if TYPE_CHECKING:
@@ -23,8 +21,6 @@ MAX_NESTING = 20
 """Spaces within spaces that are followed up to their storey."""
 MAX_ELEMENTS = 200_000
 """Most walls, spaces and openings."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -70,26 +66,26 @@ class _Wanted:
         self.storeys[entity.id()] = storey
 
 
-def read_ifc_file(path: Path, options: ReaderOptions) -> Building:
-    """The building in an IFC file. Raises InputError where ifcopenshell is missing, where the file
-    is broken or cut off, and where it has no walls."""
+def read_ifc_file(path: Path, unit: str | None) -> Building:
+    """The building in an IFC file. unit: of length, in the place of the file's own. Raises
+    InputError where the file is broken or cut off, and where it has no walls."""
     model = _open(path)
     try:
-        return _building(path, model, options)
+        return _building(path, model, unit)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{path}: expected sound IFC: {_reason(error)}") from error
 
 
-def _building(path: Path, model: ifcopenshell.file, options: ReaderOptions) -> Building:
+def _building(path: Path, model: ifcopenshell.file, unit: str | None) -> Building:
     wanted = _wanted(model)
     if "wall" not in wanted.kinds.values():
         raise InputError(f"{path}: IfcWall: expected at least one wall, found none")
     if len(wanted.kinds) > MAX_ELEMENTS:
         raise InputError(f"{path}: expected at most {MAX_ELEMENTS} walls, spaces and openings")
     declared = _declared_unit(model)
-    scale = unit_scale(options.unit) if options.unit is not None else (declared or 1.0)
+    scale = unit_scale(unit) if unit is not None else (declared or 1.0)
     # ifcopenshell has applied the declared unit.
     found = _triangulated(path, model, wanted, scale / (declared or 1.0))
     return Building(
@@ -97,17 +93,15 @@ def _building(path: Path, model: ifcopenshell.file, options: ReaderOptions) -> B
         spaces=tuple(e for e in found if e.kind == "space"),
         openings=tuple(e for e in found if e.kind in ("door", "window", "opening", "pane")),
         storeys=tuple((s.GlobalId, s.Name or "") for s in model.by_type("IfcBuildingStorey")),
-        left_out=_left_out(model),
+        left_out=_left_out(model, len(wanted.kinds) - len(found)),
         scale=scale,
         unit_declared=declared is not None,
     )
 
 
 def _open(path: Path) -> ifcopenshell.file:
-    try:
-        import ifcopenshell
-    except ImportError as error:
-        raise InputError(f'{path}: reading IFC needs: pip install "roomloop[ifc]"') from error
+    import ifcopenshell
+
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - TAIL))
         if b"END-ISO-10303-21" not in file.read():
@@ -190,9 +184,10 @@ def _above(space: ifcopenshell.entity_instance) -> str:
     return ""
 
 
-def _left_out(model: ifcopenshell.file) -> tuple[tuple[str, int], ...]:
+def _left_out(model: ifcopenshell.file, shapeless: int) -> tuple[tuple[str, int], ...]:
     kinds = ("IfcFurnishingElement", "IfcStair", "IfcRamp", "IfcRailing")
     counts = [(kind, len(model.by_type(kind))) for kind in kinds]
+    counts.append(("walls, spaces or openings without a shape", shapeless))
     return tuple((kind, count) for kind, count in counts if count)
 
 
@@ -226,8 +221,6 @@ def _triangulated(
         if element is not None:
             found.append(element)
         proceed = bool(iterator.next())
-    if len(found) < len(entities):
-        log.warning("%s: %d elements have no shape", path, len(entities) - len(found))
     if any(not np.isfinite(element.vertices).all() for element in found):
         raise InputError(f"{path}: expected finite coordinates, found NaN or infinity")
     return sorted(found, key=lambda e: e.guid)

@@ -28,7 +28,7 @@ APART = 0.05
 MOST_LEVELS = 12
 """Most heights at which the walls of a storey are taken to change."""
 TALLEST_SLICE = 1.0
-"""Walls are looked at once in every such stretch of height, at least [m]."""
+"""Walls are looked at once in every such stretch of height, at least, in a usual storey [m]."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,9 @@ def changes(mesh: Mesh, span: Span) -> list[float]:
 
 def _no_gap(heights: list[float]) -> list[float]:
     found = heights[:1]
+    tallest = max(TALLEST_SLICE, 2.0 * (heights[-1] - heights[0]) / MOST_LEVELS)
     for low, high in pairwise(heights):
-        parts = int(np.ceil((high - low) / TALLEST_SLICE))
+        parts = int(np.ceil((high - low) / tallest))
         found += [low + (high - low) * k / parts for k in range(1, parts + 1)]
     return found
 

@@ -39,6 +39,8 @@ def read_triangles(path: Path, options: ReaderOptions) -> Mesh:
     raw = read or _through_trimesh(path, kind.lower())
     if not len(raw.faces):
         raise InputError(f"{path}: expected triangles, found none")
+    if raw.faces.min() < 0 or raw.faces.max() >= len(raw.vertices):
+        raise InputError(f"{path}: expected triangles of its {len(raw.vertices)} vertices")
     used, index = np.unique(raw.faces, return_inverse=True)
     raw = replace(raw, vertices=raw.vertices[used], faces=index.reshape(-1, 3))
     if not np.isfinite(raw.vertices).all():

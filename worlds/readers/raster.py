@@ -16,7 +16,7 @@ from worlds.drafting import as_multipolygon
 
 MAX_PIXELS = 20_000_000
 """Largest image: 220 x 220 m at 5 cm."""
-MAX_RUNS = 200_000
+MAX_RUNS = 60_000
 """Most stretches of equal pixels that are made polygons of: an office floor has ten thousand."""
 
 SIDE = 3

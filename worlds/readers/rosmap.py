@@ -15,31 +15,24 @@ come as rooms of the kind ``UNLABELLED``, which are not truth.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
-from shapely import affinity
 from shapely.geometry import MultiPolygon
-from shapely.geometry.base import BaseGeometry
 
 from slam.core import Array, InputError
 from worlds.drafting import as_multipolygon
-from worlds.fields import Field
 from worlds.plan import CEILING_WHERE_UNKNOWN, Plan, RoomOutline, Storey
 from worlds.readers.freeareas import unlabelled
+from worlds.readers.mapfile import MapFile, read_map_file
 from worlds.readers.outlines import clean_walls
 from worlds.readers.raster import Image, Mask, joined_corners, read_image, regions, straightened
 from worlds.readers.roomset import sound_rooms
 from worlds.readers.units import scale_to_metres
 
-REQUIRED = ("image", "resolution", "origin")
-OCCUPIED, FREE = 0.65, 0.196
-"""map_server's thresholds where the file gives none."""
 SPECK = 4
 """Occupied patches of fewer pixels are noise."""
 NEAR = 3
@@ -52,29 +45,9 @@ NOTE = "An occupancy map: walls from floor to a ceiling assumed at 2.7 m."
 NO_TRUTH = "No room truth: the rooms are the free areas."
 
 
-@dataclass(frozen=True)
-class MapFile:
-    """What the yaml says. resolution: [m/pixel]; origin: x, y [m], yaw [rad]."""
-
-    path: Path
-    image: Path
-    labels: Path | None
-    resolution: float
-    origin: tuple[float, float, float]
-    negate: bool
-    occupied: float
-    free: float
-
-    def placed(self, shape: BaseGeometry) -> BaseGeometry:
-        """A shape in pixels, in metres in the map's frame."""
-        x, y, yaw = self.origin
-        c, s = self.resolution * math.cos(yaw), self.resolution * math.sin(yaw)
-        return affinity.affine_transform(shape, [c, -s, s, c, x, y])
-
-
 def read_rosmap(path: Path) -> Plan:
     """The plan of an occupancy map. Raises InputError, with file, field and what was expected."""
-    file = _map_file(path)
+    file = read_map_file(path)
     chance = _occupancy(file)
     occupied = _without_specks(chance > file.occupied)
     if not occupied.any():
@@ -91,74 +64,6 @@ def read_rosmap(path: Path) -> Plan:
         raise InputError(f"{file.labels or file.image}: expected rooms, found no free space")
     storey = Storey("0", 0.0, CEILING_WHERE_UNKNOWN, rooms, walls)
     return Plan(path.stem, (storey,), NOTE if file.labels else f"{NOTE} {NO_TRUTH}")
-
-
-# --- the yaml ------------------------------------------------------------------------------------
-
-
-def _map_file(path: Path) -> MapFile:
-    root = Field(str(path), "", _yaml(path))
-    if not isinstance(root.value, dict) or not all(isinstance(k, str) for k in root.value):
-        root.wrong("a map: image, resolution and origin")
-    for key in REQUIRED:
-        if key not in root.value:
-            root.fail(f'the field "{key}" is missing')
-    parts = {key: Field(str(path), key, value) for key, value in root.value.items()}
-    origin = [item.number() for item in parts["origin"].items()]
-    if len(origin) != 3:
-        parts["origin"].wrong("three numbers: x, y and yaw")
-    occupied, free = _share(parts, "occupied_thresh", OCCUPIED), _share(parts, "free_thresh", FREE)
-    if free > occupied:
-        parts["free_thresh"].wrong(f"at most occupied_thresh {occupied:g}")
-    return MapFile(
-        path=path,
-        image=_beside(path, parts["image"]),
-        labels=_beside(path, parts["labels"]) if "labels" in parts else None,
-        resolution=parts["resolution"].positive(),
-        origin=(origin[0], origin[1], origin[2]),
-        negate=_flag(parts, "negate"),
-        occupied=occupied,
-        free=free,
-    )
-
-
-def _beside(path: Path, field: Field) -> Path:
-    """A file in the folder of the yaml: a map that somebody sent opens no others."""
-    name = field.text()
-    folder = path.parent.resolve()
-    if "\0" in name or not (folder / name).resolve().is_relative_to(folder):
-        field.wrong("a file in the same folder")
-    return path.parent / name
-
-
-def _share(parts: dict[str, Field], key: str, otherwise: float) -> float:
-    if key not in parts:
-        return otherwise
-    value = parts[key].number()
-    if not 0.0 <= value <= 1.0:
-        parts[key].wrong("a number from 0 to 1")
-    return value
-
-
-def _flag(parts: dict[str, Field], key: str) -> bool:
-    if key in parts and parts[key].value not in (0, 1):
-        parts[key].wrong("0 or 1")
-    return bool(key in parts and parts[key].value)
-
-
-def _yaml(path: Path) -> object:
-    import yaml
-
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        if any(isinstance(e, yaml.AliasEvent) for e in yaml.parse(text, yaml.SafeLoader)):
-            raise InputError(f"{path}: expected the yaml of a ROS map, found one with aliases")
-        return yaml.safe_load(text)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected yaml in UTF-8: {error.reason}") from error
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path}: expected the yaml of a ROS map: {reason}") from error
 
 
 # --- walls ---------------------------------------------------------------------------------------
@@ -217,7 +122,7 @@ def _labels(file: MapFile, shape: tuple[int, ...]) -> Image:
 def _keys(values: NDArray[np.uint8] | NDArray[np.uint16], most: int) -> Image:
     """One number for each colour; 0 for black, white and transparent ones."""
     if values.ndim == 2:
-        return values.astype(np.int64)
+        return np.where(values == most, 0, values.astype(np.int64))
     with_alpha = values.shape[2] in (2, 4)
     colours = values.shape[2] - with_alpha
     key = np.zeros(values.shape[:2], dtype=np.int64)

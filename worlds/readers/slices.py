@@ -17,7 +17,7 @@ from shapely.geometry import MultiPolygon
 from slam.core import Array
 from worlds.readers.meshfile import Mesh
 from worlds.readers.outlines import clean_walls
-from worlds.readers.tangle import tangled
+from worlds.tangle import tangled
 
 SNAP = 0.001
 """Ends of lines that are nearer than this meet [m]."""

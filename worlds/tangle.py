@@ -7,8 +7,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely import STRtree
 
-SAMPLE = 200
+SAMPLE = 50
 """Shapes whose crossings are counted."""
+FEW = 700
+"""Lines that are fewer cannot cross too often."""
 MAX_CROSSINGS = 300_000
 """Most crossings of lines that are worked out: some seconds' work."""
 
@@ -18,7 +20,7 @@ def tangled(shapes: NDArray[np.object_]) -> bool:
     lines = shapes
     if len(shapes) and shapely.get_dimensions(shapes).max() > 1:
         lines = shapely.get_parts(shapely.boundary(shapes))
-    if len(lines) < SAMPLE:
+    if len(lines) < FEW:
         return False
     chosen = lines[:: max(1, len(lines) // SAMPLE)]
     met = len(STRtree(lines).query(chosen, predicate="intersects")[0])

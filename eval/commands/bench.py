@@ -1,0 +1,16 @@
+"""``roomloop bench``: measurements that anybody can repeat."""
+
+from __future__ import annotations
+
+import typer
+
+from eval.commands.odometry import odometry
+from eval.commands.pace import pace
+from eval.commands.sensor import sensor
+
+app = typer.Typer(
+    help="Measures single parts, so that anybody can repeat it.", no_args_is_help=True
+)
+app.command("odometry")(odometry)
+app.command("pace")(pace)
+app.command("sensor")(sensor)

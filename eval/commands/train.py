@@ -1,0 +1,165 @@
+"""``roomloop train``: the training set and the weights that ship; ``--study``: what each choice is
+worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from eval.study import Row
+    from semantics.train import TrainConfig
+
+Option = typer.Option
+
+
+def train(
+    preset: Annotated[
+        str, Option(help="What to train: ours, or paper (its networks, features and training set).")
+    ] = "ours",
+    seed: Annotated[int, Option(help="Of the training set and of the weights.")] = 0,
+    layouts: Annotated[int | None, Option(help="Buildings in the training set.")] = None,
+    epochs: Annotated[int | None, Option(help="Passes over the training set.")] = None,
+    out: Annotated[
+        Path | None, Option(help="Where the weights go (default: those that the detectors use).")
+    ] = None,
+    judge: Annotated[
+        bool,
+        Option("--judge", help="Train nothing: judge the weights that ship on held-out buildings."),
+    ] = False,
+    study: Annotated[
+        bool,
+        Option(
+            "--study",
+            help="Ship nothing: train every combination of features, networks and training set on "
+            "few layouts, and write a table of what each is worth.",
+        ),
+    ] = False,
+) -> None:
+    """Make a training set and train on it; writes weights and a picture of the curves."""
+    for name, value, least in (("seed", seed, 0), ("layouts", layouts, 10), ("epochs", epochs, 1)):
+        if value is not None and value < least:
+            raise typer.BadParameter(f"{name}: expected {least} or more, got {value}")
+    from rich.console import Console
+
+    console = Console()
+    if judge:
+        _judge(console, out or Path())
+    elif study:
+        _study(console, seed, layouts, epochs, out or Path())
+    else:
+        _train(console, _config(preset, seed, layouts, epochs, out), (out or Path()))
+
+
+def _config(
+    preset: str, seed: int, layouts: int | None, epochs: int | None, out: Path | None
+) -> TrainConfig:
+    from dataclasses import replace
+
+    from semantics.train import preset_named
+
+    config = preset_named(preset)
+    dataset = config.dataset
+    if layouts is not None:
+        dataset = replace(dataset, layouts=layouts)  # type: ignore[type-var]
+    return replace(
+        config,
+        dataset=dataset,
+        seed=seed,
+        epochs=config.epochs if epochs is None else epochs,
+        folder=config.folder if out is None else out,
+    )
+
+
+def _train(console: Console, config: TrainConfig, pictures: Path) -> None:
+    from eval.curves import curves_png
+    from eval.screen import RunProgress
+    from semantics.train import train as train_networks
+
+    with RunProgress("training", _errors(), "%") as progress:
+        result = train_networks(config, lambda _, share: progress(100.0 * share, 100.0))
+    picture = curves_png(result.curves, pictures / f"training_{config.networks[0][0]}.png")
+    for curve in result.curves:
+        for place, relation in enumerate(curve.relations):
+            console.print(
+                f"{curve.name}, {relation}: epoch {curve.best + 1} of {config.epochs}, validation "
+                f"precision {curve.precision[curve.best][place]:.3f}, recall "
+                f"{curve.recall[curve.best][place]:.3f}, calibration error "
+                f"{curve.calibration[place]:.4f}",
+                highlight=False,
+            )
+    for path in (*result.files, picture):
+        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+def _study(
+    console: Console, seed: int, layouts: int | None, epochs: int | None, folder: Path
+) -> None:
+    from eval.screen import RunProgress
+    from eval.study import StudyConfig, study, write_study
+
+    default = StudyConfig()
+    config = StudyConfig(layouts or default.layouts, epochs or default.epochs, seed)
+    with RunProgress("study", _errors(), "%") as progress:
+        rows = study(config, lambda _, share: progress(100.0 * share, 100.0))
+    console.print(_table(rows))
+    path = write_study(rows, folder / "study.csv")
+    console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+def _judge(console: Console, folder: Path) -> None:
+    from eval.confusion import confusion_png
+    from eval.study import Row, held_out
+    from eval.study import judge as judged
+    from semantics.detector import CONSERVATIVE, PRESETS
+
+    tests = held_out(processes=2)
+    console.print(
+        _table(
+            [
+                Row("", name, "", "", family, judged(preset, drawn))
+                for family, drawn in tests.items()
+                for name, preset in PRESETS.items()
+            ]
+        )
+    )
+    for family, drawn in tests.items():
+        path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
+        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+def _errors() -> Console:
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+def _table(rows: list[Row]) -> object:
+    """Precision / recall of edges, rooms and walls, and calibration errors, by combination."""
+    from rich.table import Table
+
+    table = Table(box=None)
+    for name in ("buildings", "features", "networks", "training", "clustering"):
+        table.add_column(name)
+    for name in ("room edges", "wall edges", "rooms", "walls"):
+        table.add_column(f"{name} P / R", justify="right")
+    table.add_column("calibration", justify="right")
+    for row in sorted(rows, key=lambda row: row.family):
+        r = row.result
+        table.add_row(
+            row.family,
+            row.features,
+            row.networks,
+            row.training_set,
+            row.clustering,
+            f"{r.room_edge_precision:.3f} / {r.room_edge_recall:.3f}",
+            f"{r.wall_edge_precision:.3f} / {r.wall_edge_recall:.3f}",
+            f"{r.room_precision:.3f} / {r.room_recall:.3f}",
+            f"{r.wall_precision:.3f} / {r.wall_recall:.3f}",
+            f"{r.room_calibration:.3f} / {r.wall_calibration:.3f}",
+        )
+    return table

@@ -1,0 +1,178 @@
+"""The edges of the proximity graph with what the networks say of them, kept where nothing moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantics.names import names_of, places_of
+from semantics.preprocess import Pieces, near_pairs
+from semantics.proximity import features_named, proximity_graph
+from slam.core import Array, InputError, IntArray
+
+if TYPE_CHECKING:
+    from semantics.network import EdgeClassifier
+
+
+@dataclass(frozen=True)
+class Edges:
+    """pairs: (P, 2) places of pieces, i < j; room, wall: (P,) calibrated probabilities that they
+    share a room, and that they are the two faces of a wall."""
+
+    pairs: IntArray
+    room: Array
+    wall: Array
+
+    def take(self, places: IntArray | NDArray[np.bool_]) -> Edges:
+        """Some of them."""
+        return Edges(self.pairs[places], self.room[places], self.wall[places])
+
+
+class EdgeModel:
+    """The networks that together tell both relations, with their features and calibration."""
+
+    def __init__(self, weights: Sequence[Path]):
+        self._networks = [_loaded(path) for path in weights]
+        known = [r for network in self._networks for r in network[0].config.relations]
+        if sorted(known) != ["same_room", "same_wall"]:
+            raise InputError(f"{weights[0]}: expected same_room and same_wall, got {known}")
+        config = self._networks[0][0].config
+        self._features, self._neighbours = features_named(config.features), config.neighbours
+        if any(n.config.features != config.features for n, _ in self._networks):
+            raise InputError(f"{weights[-1]}: expected the features {config.features!r}")
+
+    def __call__(self, pieces: Pieces) -> Edges:
+        """All edges of the graph over these pieces."""
+        from semantics.network import probabilities
+
+        graph = proximity_graph(pieces, self._features, self._neighbours)
+        told: dict[str, Array] = {}
+        for model, temperature in self._networks:
+            columns = probabilities(model, temperature, graph).T
+            told.update(zip(model.config.relations, columns, strict=True))
+        return Edges(graph.pairs, told["same_room"], told["same_wall"])
+
+
+@cache
+def _loaded(path: Path) -> tuple[EdgeClassifier, float]:
+    """Reading weights takes longer than an inference; they are the same for every run."""
+    import torch
+
+    from semantics.network import load
+
+    torch.set_num_threads(1)  # graphs are small: more threads only get in each other's way
+    model, checkpoint = load(path)
+    return model, checkpoint.temperature
+
+
+@dataclass(frozen=True)
+class LocalConfig:
+    """still: a piece whose ends moved less than this [m] has not changed; reach: how far from a
+    change edges are worked out again, and how far from those the network is let look [m]; least:
+    share of pieces near a change from which all are done at once."""
+
+    still: float = 0.05
+    reach: float = 6.0
+    most: float = 0.6
+
+
+class LocalEdges:
+    """Works out the edges around what has changed since the last call, and keeps the others.
+
+    The networks look two hops far, which is what ``reach`` is for; what lies further away cannot
+    tell the difference, so a keyframe in a large building costs what its surroundings cost.
+    """
+
+    def __init__(self, model: EdgeModel, config: LocalConfig = LocalConfig()):
+        self._model = model
+        self._config = config
+        self._pieces: Pieces | None = None
+        self._key = np.zeros(0, dtype=np.int64)
+        self._edges = Edges(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
+
+    def __call__(self, pieces: Pieces) -> Edges:
+        """All edges over these pieces."""
+        key = names_of(pieces)
+        before = places_of(self._key, key)  # (M,) of each piece among the known ones, -1: new
+        changed, gone = self._changes(pieces, before)
+        asked, shown = self._surroundings(pieces, changed, gone)
+        if len(shown) > self._config.most * len(pieces):
+            asked, shown = np.ones(len(pieces), dtype=bool), np.arange(len(pieces))
+        self._edges = self._update(pieces, before, asked, shown)
+        self._remember(pieces, key, before, asked)
+        return self._edges
+
+    def _changes(self, pieces: Pieces, before: IntArray) -> tuple[NDArray[np.bool_], Array]:
+        """Which pieces are new or moved (M,); segments (G, 2, 2) of those that went or moved."""
+        known = self._pieces
+        if known is None or len(known) == 0:
+            return np.ones(len(pieces), dtype=bool), np.zeros((0, 2, 2))
+        moved = np.abs(pieces.segment - known.segment[before]).max(axis=(1, 2))
+        changed = (before < 0) | (moved > self._config.still)
+        left = np.ones(len(known), dtype=bool)
+        left[before[~changed]] = False
+        return changed, known.segment[left]
+
+    def _surroundings(
+        self, pieces: Pieces, changed: NDArray[np.bool_], gone: Array
+    ) -> tuple[NDArray[np.bool_], IntArray]:
+        """(M,) pieces whose edges are worked out again; and places of those the network sees."""
+        spots = np.concatenate([pieces.segment[changed], gone])
+        if len(spots) == 0:
+            return np.zeros(len(pieces), dtype=bool), np.zeros(0, dtype=np.int64)
+        asked = _within(pieces, spots, self._config.reach)
+        shown = _within(pieces, pieces.segment[asked], self._config.reach)
+        return asked, np.flatnonzero(shown | asked)
+
+    def _update(
+        self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_], shown: IntArray
+    ) -> Edges:
+        now = np.full(len(self._key), -1, dtype=np.int64)
+        now[before[before >= 0]] = np.flatnonzero(before >= 0)
+        old, kept = self._edges, now[self._edges.pairs]
+        there = np.asarray((kept >= 0).all(axis=1))
+        old, kept = old.take(there), kept[there]
+        stay = np.asarray(~asked[kept].any(axis=1))
+        old, kept = old.take(stay), np.sort(kept[stay], axis=1)
+        if len(shown) == 0:
+            return Edges(kept, old.room, old.wall)
+        new = self._model(pieces.take(shown))
+        new_pairs = shown[new.pairs]
+        wanted = np.asarray(asked[new_pairs].any(axis=1))
+        new = new.take(wanted)
+        return Edges(
+            np.concatenate([kept, new_pairs[wanted]]),
+            np.concatenate([old.room, new.room]),
+            np.concatenate([old.wall, new.wall]),
+        )
+
+    def _remember(
+        self, pieces: Pieces, key: IntArray, before: IntArray, asked: NDArray[np.bool_]
+    ) -> None:
+        """Pieces as they were when their edges were worked out, so that no drift adds up."""
+        if self._pieces is not None:
+            segment = pieces.segment.copy()
+            segment[~asked] = self._pieces.segment[before[~asked]]
+            pieces = Pieces(pieces.plane_id, segment, pieces.normal, pieces.height)
+        self._pieces, self._key = pieces, key
+
+
+def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:
+    """(M,) pieces whose bounding box comes within reach of one of the spots (S, 2, 2)."""
+    count = len(spots)
+    both = Pieces(
+        np.zeros(count + len(pieces), dtype=np.int64),
+        np.concatenate([spots, pieces.segment]),
+        np.zeros((count + len(pieces), 2)),
+        np.zeros((count + len(pieces), 2)),
+    )
+    _, j = near_pairs(both, 0.5 * reach, np.arange(count))
+    found = np.zeros(len(pieces), dtype=bool)
+    found[j[j >= count] - count] = True
+    return found

@@ -1,0 +1,55 @@
+"""Free space of a map that is still being optimised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantics.freespace.gvd import GvdConfig, gvd_of
+from semantics.freespace.places import Places, PlacesConfig, places_of
+from semantics.freespace.tsdf import Tsdf, TsdfConfig
+from slam.core import Array, MapView
+
+
+@dataclass(frozen=True)
+class SpaceConfig:
+    """moved: when a keyframe has moved by more since it was integrated, all are integrated anew
+    [m]."""
+
+    tsdf: TsdfConfig = field(default_factory=TsdfConfig)
+    gvd: GvdConfig = field(default_factory=GvdConfig)
+    places: PlacesConfig = field(default_factory=PlacesConfig)
+    moved: float = 0.1
+
+
+class FreeSpace:
+    """Integrates each keyframe's scan once, where the keyframe is estimated to be."""
+
+    def __init__(self, config: SpaceConfig = SpaceConfig()):
+        self._config = config
+        self._tsdf = Tsdf(config.tsdf)
+        self._used: dict[int, Array] = {}
+
+    def add(self, view: MapView) -> None:
+        """Integrates the keyframes that are new."""
+        if any(self._has_moved(keyframe.id, keyframe.T_map_base) for keyframe in view.keyframes):
+            self._tsdf, self._used = Tsdf(self._config.tsdf), {}
+        for keyframe in view.keyframes:
+            if keyframe.id not in self._used:
+                T_map_sensor = keyframe.T_map_base.copy()
+                T_map_sensor[:3, 3] += T_map_sensor[:3, :3] @ keyframe.scan.origin
+                points = np.asarray(keyframe.scan.points) - keyframe.scan.origin
+                self._tsdf.integrate(T_map_sensor, points)
+                self._used[keyframe.id] = keyframe.T_map_base[:3, 3].copy()
+
+    def _has_moved(self, keyframe: int, T_map_base: Array) -> bool:
+        before = self._used.get(keyframe)
+        if before is None:
+            return False
+        return float(np.linalg.norm(T_map_base[:3, 3] - before)) > self._config.moved
+
+    def places(self) -> Places:
+        """The graph of places of all that was integrated."""
+        volume = self._tsdf.volume()
+        return places_of(gvd_of(volume, self._config.gvd), volume, self._config.places)

@@ -1,0 +1,44 @@
+"""Hydra's parameters: the published ones by default (uhumans2, with its 16-beam sensor model)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from semantics.freespace.space import SpaceConfig
+
+
+@dataclass(frozen=True)
+class RoomsConfig:
+    """From places to rooms.
+
+    version 2 (IJRR 2024): exact edge filtration, plateau rule, widest-path growing; version 1 (RSS
+    2022): ``steps`` dilations between, median count, modularity. min_dilation, max_dilation [m];
+    min_component, min_room: places; plateau_ratio: of the longest lifetime; sweeps, gamma: of the
+    modularity.
+    """
+
+    version: int = 2
+    min_dilation: float = 0.5
+    max_dilation: float = 1.2
+    min_component: int = 10
+    min_room: int = 10
+    plateau_ratio: float = 0.15
+    steps: int = 10
+    sweeps: int = 5
+    gamma: float = 1.0
+
+
+@dataclass(frozen=True)
+class HydraConfig:
+    """The whole detector; period: rooms are found anew every so many seconds [s]."""
+
+    space: SpaceConfig = field(default_factory=SpaceConfig)
+    rooms: RoomsConfig = field(default_factory=RoomsConfig)
+    period: float = 3.0
+
+
+PUBLISHED_V2 = HydraConfig()
+PUBLISHED_V1 = HydraConfig(
+    rooms=RoomsConfig(version=1, min_dilation=0.43, max_dilation=1.2, min_room=1)
+)
+PRESETS = {"hydra": PUBLISHED_V2, "hydra-v1": PUBLISHED_V1}

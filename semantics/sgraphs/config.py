@@ -1,0 +1,60 @@
+"""The parameters of the S-Graphs+ room segmentation, by default as published."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from semantics.freespace.gvd import GvdConfig
+from semantics.freespace.places import PlacesConfig
+from semantics.freespace.space import SpaceConfig
+from semantics.freespace.tsdf import TsdfConfig
+
+SKELETON = SpaceConfig(
+    tsdf=TsdfConfig(voxel=0.2, truncation=0.4, window=10.0, coarser=1),
+    gvd=GvdConfig(
+        max_distance=5.0, min_distance=0.5, parents_apart=10**6, parents_cosine=math.cos(0.78)
+    ),
+    places=PlacesConfig(compression=0.35, min_node=0.5, min_edge=0.0, merge=0.0, least=1),
+)
+"""voxblox's skeleton of free space: 0.2 m voxels, vertices pruned within 0.35 m."""
+
+
+@dataclass(frozen=True)
+class SgraphsConfig:
+    """The whole detector; lengths in metres.
+
+    period: clusters are found anew every so many seconds [s]; clearance: narrower vertices are
+    doorways; vertices, hull [m2], extent: what a cluster needs at least; near: a vertex this close
+    to a plane votes for it; votes: that a plane needs; width: of a room, between two planes;
+    aligned: share of a plane's points that must lie on the room's side of each plane across
+    (published: 500 points of a dense cloud); centre: farthest that a room's centre may be from a
+    vertex; same_room: centres of one room are nearer than this; same_plane: how much two planes
+    that are the same may differ (rad and m together); overlap: distance between the points of
+    overlapping planes; window: planes seen within so many seconds take part [s].
+
+    faults: True puts the published faults back: axes of the map instead of the building, votes from
+    behind a plane, the centre and the width that depend on the map's origin, the missing alignment
+    test of y1, and corridors along x that are never recognised again.
+    """
+
+    space: SpaceConfig = SKELETON
+    period: float = 5.0
+    clearance: float = 0.8
+    vertices: int = 10
+    hull: float = 1.5
+    extent: float = 0.5
+    near: float = 1.0
+    votes: int = 2
+    width: float = 1.0
+    aligned: float = 0.2
+    centre: float = 0.5
+    same_room: float = 1.0
+    same_plane: float = 0.5
+    overlap: float = 1.0
+    window: float = 1.5
+    faults: bool = False
+
+
+PUBLISHED = SgraphsConfig()
+PRESETS = {"sgraphs": PUBLISHED, "sgraphs-faults": SgraphsConfig(faults=True)}

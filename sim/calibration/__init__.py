@@ -1,0 +1,1 @@
+"""What a real spinning LiDAR's recording says about it, and what a preset would have recorded."""

@@ -1,0 +1,124 @@
+"""Free space of a closed box of known size: distances, diagram, places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from semantics.freespace.gvd import GvdConfig, gvd_of
+from semantics.freespace.places import PlacesConfig, components, places_of
+from semantics.freespace.space import FreeSpace
+from semantics.freespace.tsdf import Tsdf, TsdfConfig, Volume
+from slam.core import Keyframe, KeyframeScan, MapView
+
+
+def box_scan(size: tuple[float, float], at: tuple[float, float]) -> np.ndarray:
+    """Returns of a 16-beam sensor at ``at`` in a room [0, size] without floor and ceiling."""
+    azimuth = np.repeat(np.deg2rad(np.arange(0.1, 360.0, 0.5)), 16)
+    elevation = np.tile(np.deg2rad(np.arange(-15.0, 16.0, 2.0)), 720)
+    level = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    with np.errstate(divide="ignore"):
+        to_high = (np.array(size) - at) / level
+        to_low = -np.array(at) / level
+    reach = np.where(level > 0, to_high, to_low).min(axis=1)
+    return reach[:, None] * np.column_stack([level, np.tan(elevation)])
+
+
+def pose(x: float, y: float, yaw: float = 0.0) -> np.ndarray:
+    T = np.eye(4)
+    T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    T[:2, 3] = x, y
+    return T
+
+
+def test_distances_along_the_rays() -> None:
+    tsdf = Tsdf(TsdfConfig(voxel=0.1, truncation=0.3, coarser=1))
+    tsdf.integrate(pose(2.0, 1.5), box_scan((4.0, 3.0), (2.0, 1.5)))
+    volume = tsdf.volume()
+    at = np.rint(
+        (np.array([[3.95, 1.5, 0.0], [3.8, 1.5, 0.0], [3.0, 1.5, 0.0]]) - volume.low) / 0.1
+    )
+    index = tuple(at.astype(int).T)
+    assert volume.observed[index].all()
+    expected = 4.0 - (volume.low[0] + index[0] * 0.1)
+    assert_allclose(volume.distance[index], np.minimum(expected, 0.3), atol=0.02)
+
+
+def test_behind_the_wall_nothing_is_seen() -> None:
+    tsdf = Tsdf(TsdfConfig(coarser=1))
+    tsdf.integrate(pose(2.0, 1.5), box_scan((4.0, 3.0), (2.0, 1.5)))
+    volume = tsdf.volume()
+    x = volume.low[0] + np.arange(volume.distance.shape[0]) * volume.voxel
+    assert not volume.observed[x > 4.45].any()
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, np.pi])
+def test_the_heading_of_the_sensor_does_not_matter(yaw: float) -> None:
+    points = box_scan((4.0, 3.0), (2.0, 1.5))
+    plain, turned = Tsdf(), Tsdf()
+    plain.integrate(pose(2.0, 1.5), points)
+    turned.integrate(pose(2.0, 1.5, yaw), points @ pose(0, 0, yaw)[:3, :3])
+    a, b = plain.volume(), turned.volume()
+    assert_allclose(a.low, b.low)
+    both = a.observed & b.observed
+    assert both.sum() > 0.95 * a.observed.sum()
+    assert np.abs(a.distance - b.distance)[both].mean() < 0.02
+
+
+def test_the_grid_grows_without_losing_what_it_held() -> None:
+    near = Tsdf()
+    near.integrate(pose(2.0, 1.5), box_scan((4.0, 3.0), (2.0, 1.5)))
+    before = near.volume()
+    near.integrate(pose(30.0, -20.0), box_scan((4.0, 3.0), (2.0, 1.5)))
+    after = near.volume()
+    shift = np.rint((before.low - after.low) / before.voxel).astype(int)
+    part = tuple(slice(s, s + n) for s, n in zip(shift, before.distance.shape, strict=True))
+    assert_allclose(after.distance[part], before.distance, atol=1e-6)
+
+
+def test_a_scan_without_returns_changes_nothing() -> None:
+    tsdf = Tsdf()
+    tsdf.integrate(np.eye(4), np.zeros((0, 3)))
+    assert tsdf.volume().distance.size == 0
+
+
+def hall(length: float, width: float) -> Volume:
+    """A straight hall along x, walls at y = 0 and y = width, open above and below."""
+    voxel = 0.2
+    x = np.arange(0.0, length, voxel)
+    y = np.arange(-0.2, width + 0.3, voxel)
+    z = np.arange(0.0, 1.0, voxel)
+    distance = np.minimum(y, width - y)
+    shape = len(x), len(y), len(z)
+    field = np.broadcast_to(np.clip(distance, -0.3, 0.3)[None, :, None], shape)
+    low = np.array([x[0], y[0], z[0]])
+    return Volume(field.astype(np.float32), np.ones(shape, bool), low, voxel)
+
+
+def test_the_diagram_of_a_hall_is_its_middle() -> None:
+    volume = hall(10.0, 4.0)
+    gvd = gvd_of(volume, GvdConfig(parents_apart=10))
+    middle = volume.low[1] + gvd.voxels[:, 1] * volume.voxel
+    assert len(middle)
+    assert np.abs(middle - 2.0).max() <= 0.2
+    assert_allclose(gvd.clearance.max(), 2.0, atol=0.25)
+
+
+def test_places_of_a_hall_are_a_chain() -> None:
+    volume = hall(12.0, 4.0)
+    config = PlacesConfig(compression=1.0, merge=0.3)
+    places = places_of(gvd_of(volume, GvdConfig(parents_apart=10)), volume, config)
+    assert len(places) >= 10
+    assert len(set(components(len(places), places.edges).tolist())) == 1
+    assert (places.widths <= places.clearance[places.edges].min(axis=1) + 1e-9).all()
+
+
+def test_free_space_is_integrated_anew_when_the_map_moves() -> None:
+    scan = KeyframeScan((), box_scan((6.0, 5.0), (3.0, 2.5)), np.zeros(3))
+    space, moved = FreeSpace(), FreeSpace()
+    space.add(MapView(0.0, (), [Keyframe(0, 0, 0.0, pose(20.0, 0.0), scan)]))
+    view = MapView(1.0, (), [Keyframe(0, 0, 0.0, pose(0.0, 0.0), scan)])
+    space.add(view)
+    moved.add(view)
+    assert_allclose(space.places().positions, moved.places().positions)

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from slam.charts import Chart
+from slam.core import InputError, plane_axes
+
+
+def direction(rng):
+    n = rng.normal(size=3)
+    return n / np.linalg.norm(n)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_plane_comes_back_from_its_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    normal, d = direction(rng), rng.normal()
+    near = normal + rng.normal(0.0, 0.2, 3)
+    chart = Chart.at(rng.normal(0.0, 50.0, 3), near / np.linalg.norm(near))
+    n, back = chart.plane(chart.coordinates(normal, d))
+    assert n == pytest.approx(normal, abs=1e-12)
+    assert back == pytest.approx(d, abs=1e-9)
+
+
+def test_the_numbers_are_heights_over_the_chart():
+    chart = Chart.at(np.array([3.0, 1.0, 0.5]), np.array([0.0, -1.0, 0.0]))
+    x = np.array([0.02, -0.01, 0.1])
+    n, d = chart.plane(x)
+    for u, v in ((0.0, 0.0), (2.0, 0.0), (-1.0, 3.0)):
+        w = x[2] + x[0] * u + x[1] * v
+        point = chart.origin + np.array([u, v, w]) @ chart.frame
+        assert n @ point + d == pytest.approx(0.0, abs=1e-12)
+        assert chart.place(point[None])[0] == pytest.approx([u, v], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_derivatives_are_those_of_the_plane(seed):
+    rng = np.random.default_rng(seed)
+    chart = Chart.at(rng.normal(0.0, 5.0, 3), direction(rng))
+    x = rng.normal(0.0, 0.2, 3)
+    _, _, by_n, by_d = chart.derivatives(x)
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 1e-6
+        (n1, d1), (n0, d0) = chart.plane(x + step), chart.plane(x - step)
+        assert by_n[:, k] == pytest.approx((n1 - n0) / 2e-6, abs=1e-7)
+        assert by_d[k] == pytest.approx((d1 - d0) / 2e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("normal", [np.zeros(3), np.array([np.nan, 0, 1]), np.array([1.0, 1, 0])])
+def test_a_chart_needs_a_direction(normal):
+    with pytest.raises(InputError, match="unit normal"):
+        Chart.at(np.zeros(3), normal)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_axes_of_a_plane_are_right_handed_and_level(seed):
+    normal = direction(np.random.default_rng(seed))
+    first, second = plane_axes(normal)
+    assert np.stack([first, second, normal]) @ np.stack([first, second, normal]).T == pytest.approx(
+        np.eye(3), abs=1e-12
+    )
+    assert np.cross(normal, first) == pytest.approx(second)
+    assert abs(normal[2]) > 0.7 or first[2] == 0.0
