@@ -13,6 +13,7 @@ from eval.commands.ablate import ablate
 from eval.commands.bench import app as bench
 from eval.commands.calibrate import calibrate
 from eval.commands.compare import compare
+from eval.commands.gallery import gallery
 from eval.commands.record import record
 from eval.commands.report import report
 from eval.commands.scenes import Unit, Up, scenes
@@ -46,6 +47,7 @@ Option = typer.Option
 app.command()(scenes)
 app.command("view")(view_run)
 app.command()(report)
+app.command()(gallery)
 app.command()(record)
 app.command()(calibrate)
 

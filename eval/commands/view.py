@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,6 +52,7 @@ def watchers(window: bool, page: bool) -> list[Sink]:
             continue
         if viewer.page is not None:
             _say(f"watch at {viewer.page}")
+            atexit.register(viewer.stop)  # a page that is open keeps what it has got
         found.append(LiveSink(Recorder(ViewerTarget(viewer.address))))
     return found
 

@@ -20,11 +20,12 @@ p{margin:.4rem 0}.dim,figcaption,caption{color:var(--dim);font-size:.9rem}
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem}
 .card{background:var(--card);border-radius:.5rem;padding:.6rem .8rem}
 .card b{display:block;font-size:1.35rem;line-height:1.3}
-figure{margin:.6rem 0}svg,img{width:100%;height:auto;display:block}
+figure{margin:.6rem 0}svg,img{width:100%;height:auto;max-height:90vh;display:block}
+img{object-fit:contain}
 img{background:#fff;border-radius:.5rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 caption{text-align:left}td,th{padding:.25rem .6rem .25rem 0;border-bottom:1px solid var(--line);
-text-align:left;vertical-align:top;overflow-wrap:anywhere}th{font-weight:600}
+text-align:left;vertical-align:top}td{overflow-wrap:anywhere}th{font-weight:600}
 .good{color:var(--good)}.bad{color:var(--bad)}
 svg text{fill:var(--ink);font-family:system-ui,sans-serif}svg .dim{fill:var(--dim)}
 """

@@ -182,10 +182,10 @@ def _kind(node: RoomNode, graph: SceneGraph) -> str:
 def _rooms(run: RunFiles) -> Iterator[str]:
     rooms = [node for node in run.graph.nodes if isinstance(node, RoomNode)]
     if run.graph.truth:
-        entered, found = get(run.metrics, "rooms.entered"), get(run.metrics, "rooms.true_positive")
-        if isinstance(entered, (int, float)) and isinstance(found, (int, float)):
-            missed = max(entered - found, 0)
-            text = f"{found:g} of {entered:g} entered rooms found, {missed:g} missed"
+        entered, recall = (get(run.metrics, f"rooms.{name}") for name in ("entered", "recall"))
+        if isinstance(entered, (int, float)) and isinstance(recall, (int, float)):
+            missed = round(entered * (1.0 - recall), 1)
+            text = f"{entered:g} rooms were entered; {missed:g} of them were missed"
             yield html.paragraph(text, "bad" if missed else "good")
     rows = [
         (
@@ -220,13 +220,13 @@ def _time(metrics: Mapping[str, object]) -> Iterator[str]:
     if not isinstance(stages, Mapping):
         return
     known = {name: stage for name, stage in stages.items() if get(stage, "median_ms") is not None}
-    values = [np.array([float(str(get(s, k))) for s in known.values()]) for k in _TIMES]
-    picture = svg.bars(list(known), *values, "ms")
+    median, p95 = (
+        np.array([float(str(get(stage, key))) for stage in known.values()])
+        for key in ("median_ms", "p95_ms")
+    )
+    picture = svg.bars(list(known), median, p95, "ms")
     if picture:
         yield html.figure(picture, "Each stage's time a call: median (bar) and 95th percentile")
-
-
-_TIMES = ("median_ms", "p95_ms")
 
 
 def _metrics_table(metrics: Mapping[str, object]) -> str:

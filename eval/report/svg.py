@@ -65,11 +65,11 @@ def chart(lines: Sequence[Line], x_name: str, y_name: str) -> str:
     lines = [line for line in lines if len(line.x)]
     if not lines:
         return ""
-    width, height, left, foot = 640.0, 260.0, 52.0, 40.0
+    width, height, left, foot, head = 480.0, 250.0, 40.0, 40.0, 28.0
     x_ticks = ticks(max(float(line.x.max()) for line in lines))
     y_ticks = ticks(max(float(line.y.max()) for line in lines))
     x_scale = (width - left - 12.0) / x_ticks[-1]
-    y_scale = (height - foot - 12.0) / y_ticks[-1]
+    y_scale = (height - foot - head) / y_ticks[-1]
     parts: list[str] = []
     for tick in x_ticks:
         x = left + tick * x_scale
@@ -86,7 +86,7 @@ def chart(lines: Sequence[Line], x_name: str, y_name: str) -> str:
         parts.append(_polyline(points, f"var(--{line.kind})", 1.8))
     parts += [
         _text(width - 12.0, height - 6.0, x_name, "end"),
-        _text(4.0, 10.0, y_name, "start"),
+        _text(4.0, 13.0, y_name, "start"),
     ]
     names = ", ".join(line.name for line in lines)
     return _svg(f"0 0 {width:g} {height:g}", f"{y_name} over {x_name}: {names}", parts)
@@ -96,8 +96,8 @@ def bars(names: Sequence[str], values: Array, marks: Array, unit: str) -> str:
     """Bars with a mark each (a higher percentile), from zero."""
     if len(names) == 0:
         return ""
-    step, left, width = 26.0, 110.0, 640.0
-    scale = (width - left - 90.0) / max(float(marks.max()), float(values.max()), 1e-9)
+    step, left, width = 26.0, 90.0, 480.0
+    scale = (width - left - 125.0) / max(float(marks.max()), float(values.max()), 1e-9)
     parts: list[str] = []
     for i, (name, value, mark) in enumerate(zip(names, values, marks, strict=True)):
         y = i * step + 4.0

@@ -15,6 +15,9 @@ NAMES = ("truth/rooms",)
 JUDGEMENT = ("map/judgement/**", "truth/judgement/**")
 LIFTED = ("map/graph/**",)
 
+SHAPE = 1.6
+"""Width of the view from above, by its height."""
+
 GRID = [255, 255, 255, 14]
 BACKGROUND = [16, 18, 22]
 
@@ -24,8 +27,9 @@ def blueprint(truth: Truth | None) -> Any:
     newest moment and stays with it."""
     low, high = bounds(truth)
     middle = np.append((low + high) / 2.0, 0.0)
-    size = float(max((high - low).max(), 6.0))
-    aside, over = size * np.array([-0.45, -1.0, 0.8]), np.array([0.0, 0.0, 1.3 * size])
+    wide, deep = np.maximum(high - low, 6.0)
+    aside = max(deep, 0.85 * wide) * np.array([-0.45, -1.0, 0.8])
+    over = np.array([0.0, 0.0, 1.3 * max(deep, wide / SHAPE)])
     aim = middle + np.array([0.0, 0.0, 3.0])
     graph = _scene("Scene graph", aim, aside, (0, 0, 1), [*NAMES, *JUDGEMENT])
     judged = _scene("Against the truth", aim, aside, (0, 0, 1), NAMES)
@@ -55,7 +59,8 @@ def bounds(truth: Truth | None) -> tuple[Array, Array]:
 
 
 def _curves(of: str, name: str) -> Any:
-    return rrb.TimeSeriesView(origin=f"/plots/{of}", name=name)
+    legend = rrb.PlotLegend(rrb.Corner2D.LeftTop)
+    return rrb.TimeSeriesView(origin=f"/plots/{of}", name=name, plot_legend=legend)
 
 
 def _event_columns() -> Any:

@@ -67,7 +67,8 @@ class Judge:
         """
         if self._T_world_map is None:
             return None
-        self._entered |= set(self._rooms_at(self._true[-1][None, :2])) - {None}
+        here = self._rooms_at(self._true[-1][None, :2])
+        self._entered |= {room for room in here if room is not None}
         centres = [room.centre for room in proposals.rooms]
         rooms: dict[int, int | None] = {}
         for room, owner in zip(proposals.rooms, self._rooms_at(self._world(centres)), strict=True):

@@ -6,7 +6,7 @@ below ``world/map``, which is placed by the first true pose. Timelines: ``sim_ti
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -20,9 +20,10 @@ from eval.view.judge import Judge, Judgement
 from eval.view.layers import LayerConfig, Layers
 from eval.view.trail import Trail
 from slam.core import (
-    POINT_ID_STRIDE,
     Array,
     Frame,
+    IntArray,
+    MapPlane,
     MapView,
     Proposals,
     RoomProposal,
@@ -34,6 +35,9 @@ from worlds.truth import Truth
 
 if TYPE_CHECKING:
     from eval.config import RunConfig
+
+ON_PLANE = 0.08
+"""A return is coloured by the nearest plane that its keyframe saw, up to this distance [m]."""
 
 FALSE, MISSED = (215, 48, 39), (253, 174, 97)
 TRUE_PATH, ESTIMATE, ODOMETRY = (150, 150, 150), (60, 120, 216), (140, 107, 177)
@@ -55,10 +59,12 @@ class Target(Protocol):
 
 @dataclass(frozen=True)
 class RecorderConfig:
-    """What of a run is worth its bytes: every n-th scan, and of it every n-th point."""
+    """What of a run is worth its bytes: every n-th scan, of it every n-th point, and about how many
+    points of a keyframe."""
 
     scan_every: int = 5
-    point_every: int = 12
+    point_every: int = 20
+    keyframe_points: int = 2000
 
 
 class Recorder:
@@ -163,12 +169,9 @@ class Recorder:
         if keyframe is None:
             return
         seen = [p for p in view.planes if keyframe.id in p.keyframes]
-        points, classes = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
-        for plane in seen:
-            mine = plane.points[plane.point_ids // POINT_ID_STRIDE == keyframe.scan_index]
-            points.append(mine)
-            classes.append(np.full(len(mine), shapes.class_of(plane.id)))
-        cloud = rr.Points3D(np.vstack(points), class_ids=np.concatenate(classes), radii=-2.0)
+        stride = 1 + len(keyframe.scan.points) // self._config.keyframe_points
+        points = transform_points(keyframe.T_map_base, keyframe.scan.points[::stride])
+        cloud = rr.Points3D(points, class_ids=_classes(points, seen), radii=-2.0)
         self._log("world/map/returns", cloud)
         at = keyframe.T_map_base[:3, 3]
         edges = [[at, shapes.plane_middle(plane)] for plane in seen]
@@ -211,6 +214,16 @@ class Recorder:
 
     def _static(self, entity: str, what: Any) -> None:
         self._stream.log(entity, what, static=True)
+
+
+def _classes(points: Array, planes: Sequence[MapPlane]) -> IntArray:
+    """The class of each point (N, 3): of the plane it lies on, or of none."""
+    if not planes:
+        return np.full(len(points), shapes.NO_ROOM)
+    normals = np.array([plane.normal for plane in planes])
+    off = np.abs(points @ normals.T + [plane.d for plane in planes])
+    classes = np.array([shapes.class_of(plane.id) for plane in planes])
+    return np.where(off.min(axis=1) < ON_PLANE, classes[off.argmin(axis=1)], shapes.NO_ROOM)
 
 
 def _scale(truth: Truth | None) -> float:
