@@ -95,7 +95,7 @@ class GnnDetector:
         chosen = walls_of(pieces, edges.pairs, edges.wall, clusters.label, config.walls)
         rooms = self._find_rooms(pieces, clusters)
         walls = self._find_walls(pieces, edges.take(chosen))
-        return Proposals(self._rooms.update(rooms), self._walls.update(walls))
+        return _of_mapped(view, self._rooms.update(rooms), self._walls.update(walls))
 
     def _find_rooms(self, pieces: Pieces, clusters: Clusters) -> list[RoomProposal]:
         groups = [group for group in clusters.groups() if len(group) > 1]
@@ -132,6 +132,23 @@ class GnnDetector:
             for state, c in zip(states, edges.wall.tolist(), strict=True)
         ]
         return self._known_walls(keys, make)
+
+
+def _of_mapped(
+    view: MapView, rooms: Sequence[RoomProposal], walls: Sequence[WallProposal]
+) -> Proposals:
+    """Without the planes that the map has no more: a room that was missed only lately may still
+    name some that were merged."""
+    planes = {plane.id for plane in view.planes}
+    kept = []
+    for room in rooms:
+        pieces = tuple(piece for piece in room.pieces if piece.plane_id in planes)
+        if len(pieces) == len(room.pieces):
+            kept.append(room)
+        elif pieces:
+            kept.append(replace(room, pieces=pieces))
+    both = [wall for wall in walls if all(piece.plane_id in planes for piece in wall.pieces)]
+    return Proposals(tuple(kept), tuple(both))
 
 
 def _states(pieces: Pieces) -> Array:

@@ -25,6 +25,7 @@ class ExtractionConfig:
     window: length of run over which a beam's local direction is fitted; straight: largest RMS
     residual of a straight run; min_run: shortest run; gap: a jump that ends a run;
     angle, distance: a run belongs to a plane when its direction and its distance are within these;
+    spread: RMS distance of the runs of one plane; with more, it is two walls one behind the other;
     reach: largest hole between runs of one plane (a door is 1 m); min_points, min_length: smallest
     plane; point_sigma, beam_sigma: noise of a point and of a run's common offset; plumb_sigma: weak
     prior on a wall's tilt, so that a wall seen by one beam only does not topple, and
@@ -35,12 +36,13 @@ class ExtractionConfig:
     """
 
     window: float = 0.4
-    straight: float = 0.022
+    straight: float = 0.017
     min_run: float = 0.2
     min_run_points: int = 8
     gap: float = 0.25
-    angle: float = np.radians(6.0)
-    distance: float = 0.07
+    angle: float = np.radians(1.2)
+    distance: float = 0.055
+    spread: float = 0.02
     reach: float = 1.2
     min_points: int = 60
     min_length: float = 0.35
@@ -412,7 +414,7 @@ def _gather(runs: _Runs, origin: Array, config: ExtractionConfig) -> list[IntArr
         for _ in range(4):
             n, c = _line_through(runs, members, origin)
             axis = np.array([-n[1], n[0]])
-            fits = free & (normal @ n > np.cos(config.angle + 0.02 / runs.length))
+            fits = free & (normal @ n > np.cos(config.angle + 0.015 / runs.length))
             off = np.abs((runs.ends - c) @ n).max(axis=1)
             fits &= off < config.distance
             fits[seed] = True
@@ -423,9 +425,23 @@ def _gather(runs: _Runs, origin: Array, config: ExtractionConfig) -> list[IntArr
             if np.array_equal(grown, members):
                 break
             members = grown
+        members = _of_one_plane(runs, members, seed, origin, config)
         free[members] = False
         groups.append(members)
     return groups
+
+
+def _of_one_plane(
+    runs: _Runs, members: IntArray, seed: int, origin: Array, config: ExtractionConfig
+) -> IntArray:
+    """The group, or of two walls that a slanting line took together that of the longest run."""
+    n, c = _line_through(runs, members, origin)
+    off = (runs.mean[members, :2] - c) @ n
+    if np.sqrt(np.average(off**2, weights=runs.count[members])) < config.spread:
+        return members
+    n, c = _line_through(runs, np.array([seed]), origin)
+    off = np.abs((runs.ends[members] - c) @ n).max(axis=1)
+    return members[off < 0.5 * config.distance]
 
 
 def _line_through(runs: _Runs, members: IntArray, origin: Array) -> tuple[Array, Array]:

@@ -128,3 +128,15 @@ def test_inference_loads_neither_worlds_nor_sim():
         "assert not [m for m in sys.modules if m.split('.')[0] in ('worlds', 'sim', 'eval')]"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("gone", range(12))
+def test_only_planes_of_the_map_are_named(gone):
+    detector = GnnDetector()
+    whole = view(TWO_ROOMS_AND_A_CORRIDOR)
+    detector.update(whole)
+    left = replace(whole, planes=[plane for plane in whole.planes if plane.id != gone])
+    answer = detector.update(left)
+    named = [piece.plane_id for room in answer.rooms for piece in room.pieces]
+    named += [piece.plane_id for wall in answer.walls for piece in wall.pieces]
+    assert gone not in named

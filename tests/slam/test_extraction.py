@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, in_base, scan_box
@@ -91,3 +93,23 @@ def test_noise_without_structure_gives_no_wall():
     ring = rng.integers(0, 16, 4000).astype(np.int16)
     observations = extract_planes(points, ring, np.zeros(3), ExtractionConfig())
     assert [o for o in observations if abs(o.normal[2]) < 0.7] == []
+
+
+@pytest.mark.parametrize("recess", [0.08, 0.10, 0.15])
+def test_two_walls_one_a_little_behind_the_other_are_two_planes(recess):
+    where = base_pose(4.0, 2.0, 0.0)
+    near, far = (
+        scan_box(
+            [*box_planes(8.0, 5.0, 2.7)[:2], (np.array([0.0, 1.0, 0.0]), depth)],
+            where,
+            np.random.default_rng(1),
+        )
+        for depth in (0.0, recess)
+    )
+    left = near.points[:, 0] < 0.0
+    scan = replace(near, points=np.where(left[:, None], near.points, far.points))
+    scan = replace(scan, points=np.where(np.isfinite(scan.points), scan.points, np.nan))
+    origin = scan.T_base_lidar[:3, 3]
+    found = extract_planes(in_base(scan), scan.ring, origin, ExtractionConfig())
+    south = [plane for plane in found if plane.normal[1] > 0.9]
+    assert sorted(round(float(plane.d), 2) for plane in south) == [2.0, round(2.0 + recess, 2)]
