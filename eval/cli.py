@@ -115,6 +115,8 @@ def run(
     if seeds is not None or scene.endswith(".toml"):
         from eval.commands.scenario import run_command
 
+        if view or serve:
+            raise typer.BadParameter("--view and --serve show one run; here there are several")
         return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,

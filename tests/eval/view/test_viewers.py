@@ -99,6 +99,6 @@ def test_the_page_shows_rooms(tmp_path: Path, play: Play) -> None:
     viewer = open_page(path)
     try:
         assert viewer.page is not None
-        assert drawn(photograph(viewer.page, (900, 600), draw_s=30.0)) > 0.005
+        assert drawn(photograph(f"{viewer.page}&renderer=webgl", (900, 600), draw_s=30.0)) > 0.005
     finally:
         viewer.stop()
