@@ -75,6 +75,8 @@ def test_the_run_outlives_its_viewer(play: Play) -> None:
         play(sink)
     finally:
         viewer.stop()
+    with socket.socket() as probe:  # it is gone, and so are the processes that it started
+        assert probe.connect_ex(("127.0.0.1", int(viewer.address.split(":")[2].split("/")[0]))) != 0
     play(LiveSink(Recorder(ViewerTarget(viewer.address))))
 
 
