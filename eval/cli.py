@@ -45,11 +45,11 @@ Scene = Annotated[
 ]
 Option = typer.Option
 app.command()(scenes)
+app.command("view")(view_run)
+app.command()(report)
 app.command()(record)
 app.command()(calibrate)
-app.command("view")(view_run)
-app.command("report")(report)
-app.command("gallery")(gallery)
+app.command()(gallery)
 
 
 def _names(names: Sequence[str]) -> str:
@@ -116,7 +116,7 @@ def run(
         from eval.commands.scenario import run_command
 
         if view or serve:
-            raise typer.BadParameter("--view and --serve show one run; here there are several")
+            raise typer.BadParameter("--view and --serve are for single runs")
         return run_command(scene, seeds, _given(context))
     config = RunConfig(
         scene=scene,

@@ -16,7 +16,7 @@ from semantics.habit import Habit
 from semantics.outline import room_outline
 from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor
 from semantics.tracker import RoomTracker, WallTracker
-from semantics.walls import WallConfig, walls_of
+from semantics.walls import WallConfig, trimmed, walls_of
 from slam.core import Array, InputError, IntArray, MapView, Proposals, RoomProposal, WallProposal
 
 WEIGHTS = Path(__file__).parent / "weights"
@@ -52,11 +52,11 @@ class DetectorConfig:
 
 
 CONSERVATIVE = DetectorConfig()
-GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.4), walls=WallConfig(wall=0.3))
+GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PAPER = DetectorConfig(
     weights=(WEIGHTS / "paper_same_room.npz", WEIGHTS / "paper_same_wall.npz"), clustering=CYCLES
 )
-PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.3), walls=WallConfig(wall=0.3))
+PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PRESETS = {
     "gnn": CONSERVATIVE,
     "gnn-greedy": GREEDY,
@@ -123,7 +123,8 @@ class GnnDetector:
     def _find_walls(self, pieces: Pieces, edges: Edges) -> list[WallProposal]:
         def make(place: int) -> WallProposal:
             i, j = edges.pairs[place].tolist()
-            return WallProposal(-1, (pieces.piece(i), pieces.piece(j)), float(edges.wall[place]))
+            faces = (trimmed(pieces, i, j), trimmed(pieces, j, i))
+            return WallProposal(-1, faces, float(edges.wall[place]))
 
         states = _states(pieces)[edges.pairs]
         keys = [

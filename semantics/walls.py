@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from semantics.preprocess import Pieces
-from slam.core import Array, IntArray
+from slam.core import Array, IntArray, PlanePiece
 
 MOST = np.radians(8.0)
 """However short they are, faces of a wall are not further off parallel."""
@@ -21,7 +22,7 @@ class WallConfig:
     mapping is no better (measured: ``plane_noise.csv``).
     """
 
-    wall: float = 0.5
+    wall: float = 0.6
     gap: tuple[float, float] = (0.03, 0.62)
     overlap: float = 0.2
     angle: float = np.radians(1.5)
@@ -42,18 +43,49 @@ def walls_of(
     good = good[np.argsort(-common[good], kind="stable")]
     size = np.bincount(label[label >= 0], minlength=1)
     room = np.where((label >= 0) & (size[label] > 1), label, -1)
-    taken: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    taken: dict[int, list[_Claim]] = {}
     chosen = []
     for place in good.tolist():
         i, j = pairs[place].tolist()
-        if pieces.plane_id[i] > pieces.plane_id[j]:
-            i, j = j, i
-        known = taken.setdefault((int(pieces.plane_id[i]), int(pieces.plane_id[j])), [])
-        rooms = (int(room[i]), int(room[j]))
-        if not any(_may_be_same(rooms, other) for other in known):
-            known.append(rooms)
+        claims = []
+        for a, b in ((i, j), (j, i)):
+            low, high = _stretch(pieces, a, b)
+            rooms = (int(room[a]), int(room[b]))
+            claims.append((int(pieces.plane_id[a]), (int(pieces.plane_id[b]), rooms, low, high)))
+        if not any(_is_told(claim, taken.get(plane, ())) for plane, claim in claims):
             chosen.append(place)
+            for plane, claim in claims:
+                taken.setdefault(plane, []).append(claim)
     return np.array(sorted(chosen), dtype=np.int64)
+
+
+_Claim = tuple[int, tuple[int, int], float, float]
+"""Of a plane's wall: the other plane, the rooms here and there, and from where to where [m]."""
+
+
+def _is_told(claim: _Claim, known: Iterable[_Claim]) -> bool:
+    """Has a wall between the same rooms been told of the same two planes, or of this stretch?"""
+    other, rooms, low, high = claim
+    return any(
+        _may_be_same(rooms, theirs) and (other == plane or (low < end and start < high))
+        for plane, theirs, start, end in known
+    )
+
+
+def _stretch(pieces: Pieces, i: int, j: int) -> tuple[float, float]:
+    """From where to where along i's plane both pieces run [m]."""
+    axis = np.array([-pieces.normal[i, 1], pieces.normal[i, 0]])
+    mine, others = np.sort(pieces.segment[i] @ axis), np.sort(pieces.segment[j] @ axis)
+    return float(max(mine[0], others[0])), float(min(mine[1], others[1]))
+
+
+def trimmed(pieces: Pieces, i: int, j: int) -> PlanePiece:
+    """Of piece i what lies back to back with j: the face of that wall, where the plane has more."""
+    axis = np.array([-pieces.normal[i, 1], pieces.normal[i, 0]])
+    along = pieces.segment[i] @ axis
+    ends = np.clip(along, *_stretch(pieces, i, j))
+    segment = pieces.segment[i] + (ends - along)[:, None] * axis
+    return PlanePiece(int(pieces.plane_id[i]), segment)
 
 
 def _may_be_same(rooms: tuple[int, int], others: tuple[int, int]) -> bool:

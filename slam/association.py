@@ -33,7 +33,7 @@ class AssociationConfig:
     distance between them is known to merge_sigma [m].
     """
 
-    chi2: float = 16.0
+    chi2: float = 9.0
     angle: float = np.radians(8.0)
     distance: float = 0.25
     reach: float = 1.0

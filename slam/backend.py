@@ -75,9 +75,11 @@ class BackEnd:
     def add(self, frame: Frame) -> bool:
         """Takes a frame in; True when it was a keyframe and the map has changed."""
         self._frames.append(replace(frame, keyframe=None))
-        if frame.keyframe is not None:
-            self._add_keyframe(frame)
-        self._online.append(self._T_map_track @ frame.T_track_base)
+        try:
+            if frame.keyframe is not None:
+                self._add_keyframe(frame)
+        finally:  # a graph that cannot be solved leaves a trajectory, the last good one
+            self._online.append(self._T_map_track @ frame.T_track_base)
         return frame.keyframe is not None
 
     def _add_keyframe(self, frame: Frame) -> None:

@@ -89,6 +89,8 @@ class LayeredGraph:
         self._removals: list[int] = []
         self._index: dict[Hashable, int] = {}
         self._concepts: dict[str, dict[int, RoomNode | WallNode]] = {ROOM: {}, WALL: {}}
+        self._variables: dict[tuple[str, int], int] = {}
+        self._next_variable = 0
         self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
@@ -195,13 +197,16 @@ class LayeredGraph:
         self._remove((layer, name))
         if layer == ROOM:
             self._remove((FLOOR, name))
-        key = gtsam.symbol(layer, name)
+        key = self._variables.pop((layer, name))
         if self._values.exists(key):
             self._values.erase(key)
         del self._concepts[layer][name]
 
     def _add_concept(self, layer: str, name: int, node: RoomNode | WallNode, known: bool) -> None:
-        key = gtsam.symbol(layer, name)
+        if not known:  # a new variable: one that is given up stays in the solver until its update
+            self._variables[layer, name] = gtsam.symbol(layer, self._next_variable)
+            self._next_variable += 1
+        key = self._variables[layer, name]
         planes = [self._plane(plane) for plane in node.planes]
         if isinstance(node, RoomNode):
             noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.room_sigma)
@@ -240,6 +245,11 @@ class LayeredGraph:
         for relation in sorted(wanted - self._relations, key=lambda r: (r.kind, r.planes)):
             self._pending.append((relation, self._relation_factor(relation, config)))
         self._relations = wanted
+
+    @property
+    def relations(self) -> frozenset[Relation]:
+        """The relations that the graph holds."""
+        return frozenset(self._relations)
 
     def _forget_relations_of(self, plane: int) -> None:
         gone = {relation for relation in self._relations if plane in relation.planes}

@@ -91,7 +91,7 @@ def test_wrong_usage_ends_with_2_and_one_line(
 def test_flags_reach_the_run(stand_in: Callable[[Run], None], tmp_path: Path) -> None:
     seen: list[RunConfig] = []
 
-    def run(config: RunConfig, progress: object) -> object:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         seen.append(config)
         return SimpleNamespace(metrics=metrics(), folder=tmp_path)
 
@@ -144,7 +144,7 @@ def test_the_summary_says_what_was_scored_and_where_it_is(
         rooms=Rooms(truth=9, entered=8, detected=7.5, precision=0.987, recall=0.654),
         stages=Stages(lidar=StageTime(5.1, 6.2, 77.7)),
     )
-    stand_in(lambda config, progress: SimpleNamespace(metrics=result, folder=tmp_path))
+    stand_in(lambda config, progress, watchers=(): SimpleNamespace(metrics=result, folder=tmp_path))
     assert main(["run", "SE1"]) == 0
     text = capsys.readouterr().out
     for part in (
@@ -164,7 +164,9 @@ def test_the_summary_says_what_was_scored_and_where_it_is(
 def test_progress_is_plain_lines_without_a_terminal(
     stand_in: Callable[[Run], None], capsys: Capture, tmp_path: Path
 ) -> None:
-    def run(config: RunConfig, progress: Callable[[float, float], None]) -> object:
+    def run(
+        config: RunConfig, progress: Callable[[float, float], None], watchers: object = ()
+    ) -> object:
         for step in range(1001):
             progress(0.1 * step, 100.0)
         return SimpleNamespace(metrics=metrics(), folder=tmp_path)
@@ -183,7 +185,7 @@ def test_progress_is_plain_lines_without_a_terminal(
 def test_our_errors_become_one_line_and_their_status(
     stand_in: Callable[[Run], None], capsys: Capture, error: Exception, status: int
 ) -> None:
-    def run(config: RunConfig, progress: object) -> object:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         raise error
 
     stand_in(run)
@@ -192,7 +194,7 @@ def test_our_errors_become_one_line_and_their_status(
 
 
 def test_ctrl_c_ends_with_130(stand_in: Callable[[Run], None], capsys: Capture) -> None:
-    def run(config: RunConfig, progress: object) -> object:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         raise KeyboardInterrupt
 
     stand_in(run)
@@ -201,7 +203,7 @@ def test_ctrl_c_ends_with_130(stand_in: Callable[[Run], None], capsys: Capture) 
 
 
 def test_a_fault_of_ours_keeps_its_trace(stand_in: Callable[[Run], None]) -> None:
-    def run(config: RunConfig, progress: object) -> object:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         raise ZeroDivisionError
 
     stand_in(run)
@@ -215,7 +217,7 @@ def test_warnings_of_ours_are_shown_and_others_are_not(
     import logging
     import warnings
 
-    def run(config: RunConfig, progress: object) -> object:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         logging.getLogger("sim.route").warning("rooms without a way to them: store")
         logging.getLogger("somebody.else").warning("chatter")
         warnings.warn("deprecated chatter", stacklevel=1)

@@ -25,7 +25,7 @@ from eval.folder import claim_folder
 from eval.outputs import write_metrics
 from slam.core import RunError
 
-def run(config, progress):
+def run(config, progress, watchers=()):
     metrics = fakes.run_stub(config)
     folder = claim_folder(config)
     write_metrics(metrics, folder / "metrics.json")

@@ -22,6 +22,7 @@ FILES = {
     "metrics.json",
     "odometry.tum",
     "plan.png",
+    "report.html",
     "trajectory.tum",
     "truth.tum",
 }

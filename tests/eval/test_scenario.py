@@ -194,7 +194,9 @@ def test_seeds_on_the_command_line() -> None:
 def stub(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs that only write their metrics: seed 13 fails; ate_m is a hundredth of the seed."""
 
-    def run(config: RunConfig, progress: Callable[[float, float], None]) -> object:
+    def run(
+        config: RunConfig, progress: Callable[[float, float], None], watchers: object = ()
+    ) -> object:
         if config.start == "ballroom":
             raise InputError("start: no room 'ballroom'")
         failed = config.seed == 13

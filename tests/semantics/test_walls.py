@@ -4,7 +4,7 @@ import numpy as np
 from houses import view
 
 from semantics.preprocess import Preprocessor
-from semantics.walls import WallConfig, walls_of
+from semantics.walls import WallConfig, trimmed, walls_of
 
 CONFIG = WallConfig()
 
@@ -57,3 +57,17 @@ def test_no_pairs_no_walls():
     pieces = pieces_of([((0.0, 0.0), (4.0, 0.0))])
     none = walls_of(pieces, np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(1, np.int64), CONFIG)
     assert len(none) == 0
+
+
+def test_a_face_is_told_once_though_it_was_mapped_twice():
+    face = ((0.0, 0.0), (4.0, 0.0))
+    twins = [((4.0, -0.15), (0.0, -0.15)), ((3.9, -0.3), (0.1, -0.3))]
+    pieces = pieces_of([face, *twins])
+    assert len(found(pieces, [[0, 1], [0, 2]], [0.9, 0.9], [0, 1, 1])) == 1
+
+
+def test_a_walls_face_is_what_lies_back_to_back():
+    pieces = pieces_of([((0.0, 0.0), (8.0, 0.0)), ((5.0, -0.2), (2.0, -0.2))])
+    assert np.allclose(np.sort(trimmed(pieces, 0, 1).segment[:, 0]), [2.0, 5.0], atol=0.02)
+    assert np.allclose(trimmed(pieces, 0, 1).segment[:, 1], 0.0, atol=1e-9)
+    assert np.allclose(np.sort(trimmed(pieces, 1, 0).segment[:, 0]), [2.0, 5.0], atol=0.02)

@@ -14,6 +14,7 @@ from slam.core import (
     PlanePiece,
     Proposals,
     RoomProposal,
+    RunError,
     WallProposal,
     inverse,
     pose,
@@ -21,6 +22,7 @@ from slam.core import (
 )
 from slam.extraction import ExtractionConfig, extract_planes
 from slam.graph import LayeredGraph
+from slam.relations import RelationConfig, Thicknesses, room_relations
 
 BOX = box_planes(6.0, 4.0, 2.7)
 
@@ -130,6 +132,17 @@ def test_rooms_and_walls_enter_the_graph_and_leave_it(frames):
     assert graph.variable_count() == size - 2
 
 
+def test_a_room_may_come_back_before_the_graph_has_let_it_go(frames):
+    backend = run(frames[0], proposals=room_of)
+    size = backend.graph().variable_count()
+    again = room_of(backend.view())
+    backend.accept(Proposals())
+    backend.accept(again)
+    backend.optimise(whole=True)
+    assert set(backend.graph().concept_planes("r")) == {0}
+    assert backend.graph().variable_count() == size
+
+
 @pytest.mark.parametrize(("layers", "rooms", "walls"), [("planes", 0, 0), ("rooms", 1, 0)])
 def test_layers_say_what_enters_the_graph(frames, layers, rooms, walls):
     graph = run(frames[0], layers, room_of).graph()
@@ -193,3 +206,82 @@ def test_observation_of_a_merged_plane_moves_with_it():
     for k in range(3, 8):
         backend.add(Frame(k, 0.1 * k, np.eye(4), np.eye(4), seen(0.02, 0.001)))
     assert len(backend.view().planes) <= 2
+
+
+def informative(frames, **switches):
+    relations = RelationConfig(**switches)
+    config = BackEndConfig(factors="informative", relations=relations)
+    backend = BackEnd(config)
+    for frame in frames:
+        if backend.add(frame):
+            backend.accept(walls_of_a_room(backend.view()))
+    backend.finish()
+    return backend
+
+
+def walls_of_a_room(view):
+    walls = [plane for plane in view.planes if not plane.horizontal]
+    pieces = tuple(PlanePiece(plane.id, plane.segment) for plane in walls)
+    centre = np.mean([plane.points[:, :2].mean(axis=0) for plane in walls], axis=0)
+    return Proposals((RoomProposal(0, pieces, None, centre, 0.9),))
+
+
+def rectangularity(backend):
+    """The largest departure of the walls from right angles [rad]."""
+    normals = [plane.normal for plane in backend.view().planes if not plane.horizontal]
+    dots = np.abs(np.array(normals) @ np.array(normals).T)
+    return float(np.minimum(np.abs(dots), np.sqrt(np.maximum(1.0 - dots**2, 0.0))).max())
+
+
+def test_relations_of_a_room_make_it_more_rectangular(frames):
+    made, _ = frames
+    off = {"parallel": False, "perpendicular": False}
+    with_them = informative(made, angle=np.radians(0.1))
+    without = informative(made, **off)
+    assert rectangularity(with_them) < rectangularity(without)
+
+
+def test_relations_leave_the_graph_with_their_room(frames):
+    made, _ = frames
+    backend = informative(made)
+    count = len(backend.graph().relations)
+    assert count >= 4
+    backend.accept(Proposals())
+    backend.optimise()
+    assert len(backend.graph().relations) == 0
+
+
+def test_walls_of_one_thickness_are_grouped_and_a_thick_one_is_not():
+    normals = np.array([[1.0, 0, 0], [-1.0, 0, 0]] * 4)
+    thick = (0.100, 0.104, 0.097, 0.25)
+    offsets = np.array([d for k, t in enumerate(thick) for d in (-5.0 * k - t, 5.0 * k)])
+    walls = [((2 * k, 2 * k + 1), np.array([5.0 * k + t / 2, 0, 0])) for k, t in enumerate(thick)]
+    found = Thicknesses(RelationConfig()).relations(walls, normals, offsets)
+    assert [relation.planes for relation in found] == [(0, 1), (2, 3), (4, 5)]
+    assert len({relation.group for relation in found}) == 1
+    assert [relation.value for relation in found] == pytest.approx(thick[:3])
+
+
+def test_rooms_that_are_not_rectangular_have_no_relations():
+    angles = np.radians([0.0, 85.0, 178.0, 262.0])
+    normals = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(4)])
+    assert list(room_relations(range(4), normals, RelationConfig())) == []
+
+
+class Unsolvable:
+    """A solver that gives up."""
+
+    def update(self, *_):
+        raise RuntimeError("Indeterminate linear system detected while working near variable x7.")
+
+
+def test_a_failed_optimisation_says_so_and_keeps_the_last_estimate(frames, monkeypatch):
+    made, _ = frames
+    backend = run(made[:20])
+    before = backend.trajectory()
+    monkeypatch.setattr(backend.graph(), "_isam", Unsolvable())
+    with pytest.raises(RunError, match=r"could not be optimised: Indeterminate .* x7"):
+        backend.optimise(whole=True)
+    backend.finish()
+    assert np.array_equal(backend.trajectory(), before)
+    assert len(backend.view().planes) == 5
