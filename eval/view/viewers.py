@@ -60,7 +60,8 @@ def open_page(path: Path | None = None) -> Viewer:
     ports = ["--port", str(port), "--web-viewer-port", str(web)]
     options = ["--serve-web", *ports, "--server-memory-limit", MEMORY]
     address = f"rerun+http://{LOOPBACK}:{port}/proxy"
-    page = f"http://{LOOPBACK}:{web}/?url={address.replace('+', '%2B').replace(':', '%3A')}"
+    said = address.replace("+", "%2B").replace(":", "%3A")
+    page = f"http://{LOOPBACK}:{web}/?url={said}&theme=dark&hide_welcome_screen"
     return _started([*files, *options], port, page)
 
 
