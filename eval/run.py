@@ -173,6 +173,7 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
         for stage, seconds in step.seconds.items():
             clock.add(stage, seconds)
         started = time.perf_counter()
+        loops = len(parts.backend.loops)
         changed = parts.backend.add(step.frame)
         graph_s = time.perf_counter() - started
         parts.keeper.add(step.truth)
@@ -182,6 +183,9 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
             parts.backend.accept(proposals)
             clock.add("graph", graph_s + time.perf_counter() - started)
             parts.sink.timed(step.frame.stamp, clock.last())
+            for loop in parts.backend.loops[loops:]:
+                text = f"loop closed: keyframe {loop.later} at {loop.earlier}"
+                parts.sink.event(step.frame.stamp, text)
         if step.scan is not None:
             known = bool(np.isfinite(step.truth.T_world_base).all())
             T_world_base = step.truth.T_world_base if known else None

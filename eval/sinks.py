@@ -34,6 +34,10 @@ class Sink(Protocol):
         """What each stage took of the scan that was just told of [s]."""
         ...
 
+    def event(self, stamp: float, text: str) -> None:
+        """Something that does not happen with every scan."""
+        ...
+
     def finished(self) -> None:
         """The run is over; files are completed here."""
         ...
@@ -54,6 +58,9 @@ class NullSink:
         """Ignored."""
 
     def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
+        """Ignored."""
+
+    def event(self, stamp: float, text: str) -> None:
         """Ignored."""
 
     def finished(self) -> None:
@@ -87,6 +94,11 @@ class Sinks:
         """Passed on."""
         for sink in self._sinks:
             sink.timed(stamp, seconds)
+
+    def event(self, stamp: float, text: str) -> None:
+        """Passed on."""
+        for sink in self._sinks:
+            sink.event(stamp, text)
 
     def finished(self) -> None:
         """Passed on."""

@@ -53,6 +53,10 @@ class LiveSink:
         """Queued."""
         self._put(lambda: self._inner.timed(stamp, seconds))
 
+    def event(self, stamp: float, text: str) -> None:
+        """Queued."""
+        self._put(lambda: self._inner.event(stamp, text))
+
     def finished(self) -> None:
         """Waits for what is queued, which is little."""
         with self._ready:

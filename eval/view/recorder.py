@@ -144,7 +144,7 @@ class Recorder:
         self._draw_keyframe(view)
         self._layers.draw(view, proposals)
         for event in self._changes.of(proposals):
-            self._log("events", rr.TextLog(event, level=rr.TextLogLevel.INFO))
+            self.event(view.stamp, event)
         if self._judge is not None:
             normals = {plane.id: plane.normal for plane in view.planes}
             judgement = self._judge.judge(proposals, normals)
@@ -156,6 +156,11 @@ class Recorder:
         self._stream.set_time("sim_time", duration=stamp)
         for stage, value in seconds.items():
             self._log(f"plots/ms/{stage}", rr.Scalars(1000.0 * value))
+
+    def event(self, stamp: float, text: str) -> None:
+        """A line of the log."""
+        self._stream.set_time("sim_time", duration=stamp)
+        self._log("events", rr.TextLog(text, level=rr.TextLogLevel.INFO))
 
     def finished(self) -> None:
         """Hands everything over and lets the target go."""

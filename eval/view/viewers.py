@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,9 +37,8 @@ class Viewer:
     page: str | None = None
 
     def stop(self) -> None:
-        """Ends the process."""
-        self.process.terminate()
-        self.process.wait()
+        """Ends it."""
+        _end(self.process)
 
 
 def open_window(path: Path | None = None) -> Viewer:
@@ -60,7 +60,8 @@ def open_page(path: Path | None = None) -> Viewer:
     ports = ["--port", str(port), "--web-viewer-port", str(web)]
     options = ["--serve-web", *ports, "--server-memory-limit", MEMORY]
     address = f"rerun+http://{LOOPBACK}:{port}/proxy"
-    page = f"http://{LOOPBACK}:{web}/?url={address.replace('+', '%2B').replace(':', '%3A')}"
+    said = address.replace("+", "%2B").replace(":", "%3A")
+    page = f"http://{LOOPBACK}:{web}/?url={said}&theme=dark&hide_welcome_screen"
     return _started([*files, *options], port, page)
 
 
@@ -98,5 +99,12 @@ def _started(options: list[str], port: int, page: str | None = None) -> Viewer:
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return Viewer(process, f"rerun+http://{LOOPBACK}:{port}/proxy", page)
         time.sleep(0.05)
-    process.kill()
+    _end(process)
     raise ViewerError("view: the viewer did not start (is there a graphics driver?)")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Ends a process and those that it started: rerun's command is one that starts the viewer."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGTERM)
+    process.wait()

@@ -111,6 +111,7 @@ def play_run(sink: Sink, with_truth: bool = True) -> None:
     sink.started(CONFIG, make_truth() if with_truth else None)
     sink.updated(make_view(), make_proposals())
     sink.timed(0.1, {"odometry": 0.02})
+    sink.event(0.1, "loop closed")
     for index in range(4):
         sink.frame(make_frame(index), make_scan(index), np.eye(4), T_world_base)
     sink.updated(make_view(0.4), make_proposals())

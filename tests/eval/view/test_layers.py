@@ -42,7 +42,7 @@ def test_less_than_can_be_seen_is_no_change(log: Any, view: MapView, proposals: 
     layers.draw(view, proposals)
     log.take()
     plane = view.planes[0]
-    nudged = replace(plane, points=plane.points + 0.001, revision=2)
+    nudged = replace(plane, points=plane.points + np.array([0.001, 0.0, 0.0]), revision=2)
     layers.draw(replace(view, planes=(nudged, *view.planes[1:])), proposals)
     assert len(log.take()) <= 1  # a coordinate may stand on the edge of its cell
 

@@ -52,7 +52,13 @@ def test_a_recording_holds_the_scene_graph(tmp_path: Path, play: Play) -> None:
         assert f"/world/{entity}" in text, entity
     for words in ("index_name: sim_time", "index_name: keyframe", "room 7 (0.90)", "office"):
         assert words in text
-    for words in ("room 7 found", "room 8 retracted", "/plots/found/rooms_right", "/plots/ms/"):
+    for words in (
+        "room 7 found",
+        "room 8 retracted",
+        "loop closed",
+        "/plots/found/rooms_right",
+        "/plots/ms/",
+    ):
         assert words in text
 
 
@@ -101,12 +107,15 @@ def test_the_fan_out_tells_everyone_everything(play: Play) -> None:
         def timed(self, *_: object) -> None:
             self.heard.append("timed")
 
+        def event(self, *_: object) -> None:
+            self.heard.append("event")
+
         def finished(self) -> None:
             self.heard.append("finished")
 
     first, second = Listener(), Listener()
     play(Sinks([first, NullSink(), second]))
-    told = ["started", "updated", "timed", *["frame"] * 4, *["updated"] * 2, "finished"]
+    told = ["started", "updated", "timed", "event", *["frame"] * 4, *["updated"] * 2, "finished"]
     assert first.heard == second.heard == told
 
 

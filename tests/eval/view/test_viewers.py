@@ -75,6 +75,8 @@ def test_the_run_outlives_its_viewer(play: Play) -> None:
         play(sink)
     finally:
         viewer.stop()
+    with socket.socket() as probe:  # it is gone, and so are the processes that it started
+        assert probe.connect_ex(("127.0.0.1", int(viewer.address.split(":")[2].split("/")[0]))) != 0
     play(LiveSink(Recorder(ViewerTarget(viewer.address))))
 
 
@@ -99,6 +101,9 @@ def test_the_page_shows_rooms(tmp_path: Path, play: Play) -> None:
     viewer = open_page(path)
     try:
         assert viewer.page is not None
-        assert drawn(photograph(viewer.page, (900, 600), draw_s=30.0)) > 0.005
+        page = f"{viewer.page}&renderer=webgl"
+        # Without a graphics card, on a busy machine, it takes its time.
+        pictures = (photograph(page, (900, 600), draw_s) for draw_s in (15.0, 45.0, 90.0))
+        assert any(drawn(picture) > 0.02 for picture in pictures)
     finally:
         viewer.stop()
