@@ -105,8 +105,8 @@ def make_frame(index: int) -> Frame:
     return Frame(index, 0.1 * (index + 1), np.eye(4), np.eye(4), None)
 
 
-def play_run(sink: Sink, with_truth: bool = True) -> None:
-    """Four scans, two answers of the detector."""
+def play_run(sink: Sink, with_truth: bool = True, retract: bool = True) -> None:
+    """Four scans, two answers of the detector, and at the end a third that names nothing."""
     T_world_base = T_WORLD_BASE if with_truth else None
     sink.started(CONFIG, make_truth() if with_truth else None)
     sink.updated(make_view(), make_proposals())
@@ -115,7 +115,8 @@ def play_run(sink: Sink, with_truth: bool = True) -> None:
     for index in range(4):
         sink.frame(make_frame(index), make_scan(index), np.eye(4), T_world_base)
     sink.updated(make_view(0.4), make_proposals())
-    sink.updated(make_view(0.5), Proposals())
+    if retract:
+        sink.updated(make_view(0.5), Proposals())
     sink.finished()
 
 

@@ -97,7 +97,7 @@ def test_the_page_shows_rooms(tmp_path: Path, play: Play) -> None:
     if browser() is None:
         pytest.skip("no browser here that takes pictures of pages")
     path = tmp_path / "recording.rrd"
-    play(Recorder(FileTarget(path)))
+    play(Recorder(FileTarget(path)), retract=False)
     viewer = open_page(path)
     try:
         assert viewer.page is not None
