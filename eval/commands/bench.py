@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from eval.commands.growth import growth, semantics
 from eval.commands.odometry import odometry
 from eval.commands.pace import pace
 from eval.commands.sensor import sensor
@@ -14,3 +15,5 @@ app = typer.Typer(
 app.command("odometry")(odometry)
 app.command("pace")(pace)
 app.command("sensor")(sensor)
+app.command("semantics")(semantics)
+app.command("growth")(growth)
