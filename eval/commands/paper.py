@@ -132,7 +132,7 @@ def _write(kind: str, asked: _Asked, measured: Sequence[Measured]) -> list[Path]
     text = report_text(TITLES[kind], sheets, list(shown), _remarks(asked, kind))
     texts = {f"{kind}.md": text, f"{kind}.tex": latex(sheets)}
     if kind != BEYOND:
-        texts[f"{kind}.csv"] = comparisons_csv(measured[0].result())
+        texts[f"{kind}.csv"] = comparisons_csv(measured[0].compared())
     for name, content in texts.items():
         write_text(asked.folder / name, content)
     for name, data in shown.items():

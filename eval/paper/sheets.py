@@ -157,11 +157,8 @@ def _claim_row(measured: Measured, claim: Claim) -> tuple[str, ...] | None:
     scenes = measured.of(claim.scenes)
     if not scenes:
         return None
-    found = next(
-        c.difference
-        for c in measured.result(scenes).comparisons
-        if (c.variant, c.against, c.metric) == (claim.variant, claim.against, claim.metric)
-    )
+    pair = (claim.variant, claim.against)
+    found = measured.result(scenes, [pair], [claim.metric]).comparisons[0].difference
     names = (claim.what, claim.variant, claim.against)
     if found is None or not found.base:
         return (*names, NONE, NONE, "0", claim.says)

@@ -170,12 +170,26 @@ class Measured:
     group: Group
     rows: Mapping[RunConfig, Row]
 
-    def result(self, scenes: Sequence[str] | None = None) -> Result:
-        """Levels and comparisons over all scenes, or over some."""
+    def result(
+        self,
+        scenes: Sequence[str] | None = None,
+        pairs: Sequence[tuple[str, str]] = (),
+        metrics: Sequence[str] = METRICS,
+    ) -> Result:
+        """Levels over all scenes, or over some; and comparisons of pairs, which take their time."""
         ablation = self.group.ablation
-        if scenes is not None:
-            ablation = replace(ablation, scenes=tuple(scenes))
+        ablation = replace(
+            ablation,
+            scenes=ablation.scenes if scenes is None else tuple(scenes),
+            pairs=tuple(pairs),
+            metrics=tuple(metrics),
+        )
         return evaluate(ablation, [self.rows[config] for config in ablation.configs])
+
+    def compared(self) -> Result:
+        """All pairs in what the paper compares."""
+        names = dict.fromkeys(claim.metric for claim in (*FIGURE_CLAIMS, *CLAIMS))
+        return self.result(None, self.group.ablation.pairs, tuple(names))
 
     def of(self, scenes: Sequence[str]) -> tuple[str, ...]:
         """Those of some scenes that were run."""
