@@ -13,6 +13,7 @@ from eval.commands.ablate import ablate
 from eval.commands.bench import app as bench
 from eval.commands.calibrate import calibrate
 from eval.commands.compare import compare
+from eval.commands.paper import paper
 from eval.commands.record import record
 from eval.commands.report import report
 from eval.commands.scenes import Unit, Up, scenes
@@ -170,6 +171,7 @@ app.command()(train)
 app.command()(ablate)
 app.command()(compare)
 app.command()(score)
+app.command()(paper)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from eval.score_failures import Failures
 from eval.scores import Scores
 from slam.core import Array
 
@@ -175,6 +176,7 @@ class Metrics:
     planes: Planes
     rooms: Rooms
     walls: Walls
+    failures: Failures
     loops: Loops
     first_room_s: float | None
     room_latency_s: Latency
@@ -241,6 +243,7 @@ def assemble(facts: RunFacts, scores: Scores) -> Metrics:
         walls=Walls(
             walls.truth, walls.detected, walls.true_positive, walls.precision, walls.recall
         ),
+        failures=scores.failures,
         loops=facts.loops,
         first_room_s=time.first_room_s,
         room_latency_s=Latency(time.latency_median_s, time.latency_p95_s),

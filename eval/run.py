@@ -31,7 +31,7 @@ from eval.source import UNKNOWN, Place, make_place
 from eval.steps import Step, TruthFilter, live_steps
 from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
-from slam.core import Detector, Proposals, RunError
+from slam.core import Detector, Linking, Proposals, RunError
 from slam.frontend import FrontEnd
 from slam.loops import LoopConfig
 
@@ -217,6 +217,7 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
         online=Trajectory(backend.stamps(), backend.online()),
         view=backend.dense_view(),
         proposals=proposals,
+        links=parts.detector.links() if isinstance(parts.detector, Linking) else None,
     )
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(backend.stamps()[-1]) - parts.keeper.start

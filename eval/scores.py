@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eval.labels import TruthKeeper
+from eval.score_failures import Evidence, Failures, linked_rooms, score_failures
 from eval.score_map import MapCloud, MapScore, SurfaceDistance, map_cloud, score_map
 from eval.score_planes import LabelledPlane, PlaneScore, score_planes
 from eval.score_rooms import RoomScore, score_rooms
@@ -19,7 +20,7 @@ from eval.trajectory import (
     part_of,
     score_trajectory,
 )
-from slam.core import Array, MapView, Proposals
+from slam.core import Array, Links, MapView, Proposals
 from worlds.truth import Truth
 
 
@@ -29,7 +30,8 @@ class RunRecord:
 
     estimate: after the last optimisation; odometry: the odometry alone; online: each pose as it was
     first given, None where a run keeps none; view, proposals: the final map and the detector's last
-    word on it (ask it once more after the last optimisation, so that the two fit).
+    word on it (ask it once more after the last optimisation, so that the two fit); links: of the
+    same update, None from a detector that does not tell.
     """
 
     keeper: TruthKeeper
@@ -38,6 +40,7 @@ class RunRecord:
     online: Trajectory | None
     view: MapView
     proposals: Proposals
+    links: Links | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Scores:
     rooms: RoomScore
     walls: WallScore
     time: TimeScore
+    failures: Failures
 
     @property
     def T_world_map(self) -> Array | None:
@@ -79,10 +83,10 @@ def score_run(record: RunRecord, surface: SurfaceDistance | None) -> Scores:
     cloud = map_cloud(record.view.planes)
     if surface is None:
         planes = PlaneScore(mapped=len(record.view.planes))
-        rooms, walls, time = RoomScore(), WallScore(), UNKNOWN_TIME
+        concepts = _Concepts()
     else:
         planes = score_planes(labelled_planes(record), truth, keeper.seen, T_world_map)
-        rooms, walls, time = _score_concepts(record, planes, T_world_map)
+        concepts = _score_concepts(record, planes, T_world_map)
     return Scores(
         truth_trajectory=true_path,
         estimate=estimate,
@@ -97,9 +101,10 @@ def score_run(record: RunRecord, surface: SurfaceDistance | None) -> Scores:
         cloud=cloud,
         planes=planes,
         map=_score_map(record, cloud, surface, T_world_map),
-        rooms=rooms,
-        walls=walls,
-        time=time,
+        rooms=concepts.rooms,
+        walls=concepts.walls,
+        time=concepts.time,
+        failures=concepts.failures,
     )
 
 
@@ -126,17 +131,25 @@ def labelled_planes(record: RunRecord) -> list[LabelledPlane]:
     ]
 
 
-def _score_concepts(
-    record: RunRecord, planes: PlaneScore, T_world_map: Array | None
-) -> tuple[RoomScore, WallScore, TimeScore]:
+@dataclass(frozen=True)
+class _Concepts:
+    """What is scored of rooms and walls."""
+
+    rooms: RoomScore = RoomScore()
+    walls: WallScore = WallScore()
+    time: TimeScore = UNKNOWN_TIME
+    failures: Failures = Failures()
+
+
+def _score_concepts(record: RunRecord, planes: PlaneScore, T_world_map: Array | None) -> _Concepts:
     keeper, truth = record.keeper, record.keeper.truth
     if not truth.rooms_known:
-        return RoomScore(), WallScore(), UNKNOWN_TIME
+        return _Concepts()
     room_votes, wall_votes = keeper.votes(record.view, record.proposals)
     walls = score_walls(wall_votes, truth, keeper.seen)
     entered = keeper.visits.entered
     if T_world_map is None:
-        return RoomScore(len(truth.rooms), len(entered)), walls, UNKNOWN_TIME
+        return _Concepts(RoomScore(len(truth.rooms), len(entered)), walls)
     rooms = score_rooms(
         votes=room_votes,
         polygons={r.id: r.polygon for r in record.proposals.rooms if r.polygon is not None},
@@ -147,7 +160,18 @@ def _score_concepts(
         storeys=keeper.visits.storeys,
     )
     time = score_time(keeper.instants, truth, T_world_map, entered, keeper.start)
-    return rooms, walls, time
+    by_pieces = not room_votes or any(vote.faces for vote in room_votes)
+    evidence = Evidence(
+        seen=keeper.seen,
+        mapped=planes.mapped_faces if by_pieces else None,
+        linked=None
+        if record.links is None
+        else linked_rooms(record.links, record.view.planes, keeper.voter),
+    )
+    failures = score_failures(
+        room_votes, truth, T_world_map, entered.keys(), evidence, keeper.visits.storeys
+    )
+    return _Concepts(rooms, walls, time, failures)
 
 
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:

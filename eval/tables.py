@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from eval.ablation import Comparison, Level, Result
 from eval.stats import Interval
 
-LEFT = ("variant", "metric", "against", "verdict")
+LEFT = (
+    *("variant", "metric", "against", "verdict", "scene", "method", "measure", "what", "world"),
+    "the paper says",
+)
 """Columns of words: they stand to the left, numbers to the right."""
 MINUS = "\N{MINUS SIGN}"
 
@@ -39,7 +42,7 @@ def level_sheet(result: Result, metric: str) -> Sheet:
     for variant in result.ablation.variants:
         level = result.level(variant.name, metric)
         cells = [_mean_and_deviation(level, scene, scale) for scene in scenes]
-        rows.append((variant.name, *cells, _number(level.overall, scale), str(level.failed)))
+        rows.append((variant.name, *cells, number(level.overall, scale), str(level.failed)))
     seeds = len(result.ablation.seeds)
     of = f"{seeds} seeds" if seeds > 1 else "one seed"
     title = f"{metric}{f' [{unit}]' if unit else ''}: mean and standard deviation of {of}"
@@ -91,10 +94,11 @@ def _mean_and_deviation(level: Level, scene: str, scale: float) -> str:
     mean, deviation = level.mean(scene), level.deviation(scene)
     if mean is None:
         return "-"
-    return _number(mean, scale) + ("" if deviation is None else f" ± {_number(deviation, scale)}")
+    return number(mean, scale) + ("" if deviation is None else f" ± {number(deviation, scale)}")
 
 
-def _number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
+def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
+    """A number in its unit; "-" where there is none."""
     return "-" if value is None else f"{scale * value:.{digits}f}"
 
 

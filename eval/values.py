@@ -25,6 +25,11 @@ LOWER_IS_BETTER = frozenset(
         *("ate_m", "ate_keyframes_m", "ate_online_m", "ate_origin_m", "ate_xy_m", "ate_z_m"),
         *("yaw_deg", "rpe_percent", "ate_odometry_m", "ate_odometry_xy_m", "rpe_odometry_percent"),
         *("mma_m", "mma_face_m", "mma_floor_m", "plane_rmse_m", "planes.mixed"),
+        *(
+            f"failures.{what}_{cause}"
+            for what in ("missed", "false")
+            for cause in ("unseen", "planes", "edges", "clustering")
+        ),
         *("planes.duplicates", "rooms.retracted_true", "rooms.id_switches"),
         *("loops.false", "loops.missed", "first_room_s", "room_latency_s.median"),
         *("room_latency_s.p95", "startup_s", "wall_s", "peak_rss_mb"),

@@ -14,10 +14,19 @@ from semantics.cycles import cycles, has_opposed_sides, mean_centre
 from semantics.edges import EdgeModel, Edges, LocalEdges
 from semantics.habit import Habit
 from semantics.outline import room_outline
-from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor
+from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor, joined
 from semantics.tracker import RoomTracker, WallTracker
 from semantics.walls import WallConfig, trimmed, walls_of
-from slam.core import Array, InputError, IntArray, MapView, Proposals, RoomProposal, WallProposal
+from slam.core import (
+    Array,
+    InputError,
+    IntArray,
+    Links,
+    MapView,
+    Proposals,
+    RoomProposal,
+    WallProposal,
+)
 
 WEIGHTS = Path(__file__).parent / "weights"
 """The weights that ship; ``roomloop train`` makes them."""
@@ -83,6 +92,7 @@ class GnnDetector:
         self._habit = Habit(config.habit)
         self._known_rooms = _Kept[RoomProposal | None]()
         self._known_walls = _Kept[WallProposal]()
+        self._pieces, self._linked = joined([]), np.empty((0, 2), dtype=np.int64)
 
     def update(self, view: MapView) -> Proposals:
         """All rooms and walls of the map as it is now. Raises InputError for broken planes."""
@@ -90,12 +100,18 @@ class GnnDetector:
         pieces = self._preprocess(view.planes)
         edges = self._edges(pieces)
         steady = self._habit.lean(pieces, edges)
+        self._pieces, self._linked = pieces, edges.pairs[steady > config.clusters.room]
         clusters = config.clustering.group(len(pieces), edges.pairs, steady, config.clusters)
         self._habit.remember(pieces, clusters)
         chosen = walls_of(pieces, edges.pairs, edges.wall, clusters.label, config.walls)
         rooms = self._find_rooms(pieces, clusters)
         walls = self._find_walls(pieces, edges.take(chosen))
         return Proposals(self._rooms.update(rooms), self._walls.update(walls))
+
+    def links(self) -> Links:
+        """The edges that speak for one room, of the last update."""
+        pieces = tuple(self._pieces.piece(place) for place in range(len(self._pieces)))
+        return Links(pieces, self._linked)
 
     def _find_rooms(self, pieces: Pieces, clusters: Clusters) -> list[RoomProposal]:
         groups = [group for group in clusters.groups() if len(group) > 1]

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -428,6 +428,24 @@ class Detector(Protocol):
 
     def update(self, view: MapView) -> Proposals:
         """All rooms and walls in the view, called after each keyframe."""
+        ...
+
+
+@dataclass(frozen=True)
+class Links:
+    """What a detector thinks of pairs before it makes rooms of them. pieces: all that it looked at;
+    pairs: (E, 2) places of two pieces that it would put into one room."""
+
+    pieces: tuple[PlanePiece, ...]
+    pairs: IntArray
+
+
+@runtime_checkable
+class Linking(Protocol):
+    """A detector that tells of its links: a fault can be laid to them, or to what follows."""
+
+    def links(self) -> Links:
+        """As of the last update."""
         ...
 
 

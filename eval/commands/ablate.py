@@ -81,7 +81,7 @@ def ablate(
     )
     check_runs(ablation)
     settings = SweepConfig(folder, workers, cluster)
-    rows = sweep(ablation.configs, settings, _Watch(screen))
+    rows = sweep(ablation.configs, settings, SweepWatch("ablate", screen))
     result = evaluate(ablation, rows)
     files = write_report(result, folder)
     _show(output(), result, [row.error for row in rows if row.error], files)
@@ -129,13 +129,14 @@ def check_runs(ablation: Ablation) -> None:
             make_odometry(config.odometry)
 
 
-class _Watch:
+class SweepWatch:
     """Says on standard error how far the sweep is, and how long it will take."""
 
     STEP = 0.05
 
-    def __init__(self, screen: Console):
-        self._screen, self._told, self._settled = screen, -1.0, False
+    def __init__(self, name: str, screen: Console):
+        self._name, self._screen = name, screen
+        self._told, self._settled = -1.0, False
 
     def __call__(self, state: State) -> None:
         settled = state.settled and not self._settled
@@ -156,7 +157,7 @@ class _Watch:
             ahead += time.strftime(", until %H:%M", time.localtime(time.time() + state.remaining_s))
         else:
             ahead = f"{_duration(state.taken_s)} in all"
-        line(self._screen, f"ablate: {state.done} of {state.total} runs{failed}; {ahead}")
+        line(self._screen, f"{self._name}: {state.done} of {state.total} runs{failed}; {ahead}")
 
 
 def _duration(seconds: float) -> str:

@@ -32,6 +32,7 @@ from eval.outputs import (
     write_ply,
     write_tum,
 )
+from eval.score_failures import Failures
 from eval.trajectory import Trajectory
 from slam.core import InputError, pose, so3_exp
 
@@ -82,6 +83,7 @@ def metrics() -> Metrics:
             "planes": Planes(4, 3, 2, 1),
             "rooms": Rooms(6, 5, 4.5, 4.0, 4.0 / 4.5, 0.8),
             "walls": Walls(),
+            "failures": Failures(missed_edges=2),
             "loops": Loops(1, 2, 3),
             "room_latency_s": Latency(0.5, None),
             "stages": Stages(time, time, time, time),

@@ -248,12 +248,14 @@ KEYS = """schema, status, error, scene, scene_sha256, seed, sensor, conditions, 
 factors, odometry, versions, simulated_s, startup_s, wall_s, real_time_factor, path_m, T_world_map,
 ate_m, ate_keyframes_m, ate_online_m, ate_origin_m, ate_xy_m, ate_z_m, yaw_deg, rpe_percent,
 ate_odometry_m, ate_odometry_xy_m, rpe_odometry_percent, mma_m, mma_face_m, mma_floor_m,
-plane_rmse_m, map_completeness, planes{mapped, mixed, duplicates, faces_seen}, rooms{truth, entered,
-detected, true_positive, precision, recall, centre_precision, centre_recall, mean_iou, piece_f1,
-retracted_true, id_switches}, walls{truth, detected, true_positive, precision, recall}, loops{true,
-false, missed}, first_room_s, room_latency_s{median, p95}, stages{lidar{median_ms, p95_ms, total_s},
-odometry{median_ms, p95_ms, total_s}, planes{median_ms, p95_ms, total_s}, semantics{median_ms,
-p95_ms, total_s}, graph{median_ms, p95_ms, total_s}}, peak_rss_mb"""
+plane_rmse_m, map_completeness, planes{mapped, mixed, duplicates, faces_seen}, rooms{truth,
+entered, detected, true_positive, precision, recall, centre_precision, centre_recall, mean_iou,
+piece_f1, retracted_true, id_switches}, walls{truth, detected, true_positive, precision, recall},
+failures{missed_unseen, missed_planes, missed_edges, missed_clustering, false_unseen, false_planes,
+false_edges, false_clustering}, loops{true, false, missed}, first_room_s, room_latency_s{median,
+p95}, stages{lidar{median_ms, p95_ms, total_s}, odometry{median_ms, p95_ms, total_s},
+planes{median_ms, p95_ms, total_s}, semantics{median_ms, p95_ms, total_s}, graph{median_ms, p95_ms,
+total_s}}, peak_rss_mb"""
 
 
 def shape(tree: dict[str, object]) -> str:
@@ -288,7 +290,7 @@ def test_every_figure_goes_to_its_own_key(house, surface) -> None:
 
     parts = {
         name: numbered(getattr(scores, name))
-        for name in ("odometry", "online", "planes", "map", "rooms", "walls", "time")
+        for name in ("odometry", "online", "planes", "map", "rooms", "walls", "time", "failures")
     }
     estimate = dataclasses.replace(numbered(scores.estimate), T_truth_estimate=np.eye(4))
     scores = dataclasses.replace(scores, **parts, estimate=estimate, ate_keyframes=7, path_m=8)
@@ -313,6 +315,7 @@ def test_every_figure_goes_to_its_own_key(house, surface) -> None:
     for group, source in (
         (metrics.planes, scores.planes),
         (metrics.walls, scores.walls),
+        (metrics.failures, scores.failures),
         (metrics.rooms, {**vars(scores.time), **vars(scores.rooms)}),
     ):
         known = source if isinstance(source, dict) else vars(source)

@@ -1,0 +1,252 @@
+"""The paper's tables: measured here, with spread, and beside each number the paper's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eval.ablation import BOOTSTRAP_SEED, Level, Result
+from eval.bounds import Bound
+from eval.paper.published import NOT_PUBLISHED, REAL, SCENES, Claim, Values
+from eval.paper.study import CAUSES, Measured
+from eval.stats import Interval, bootstrap, mean_over_scenes
+from eval.tables import Sheet, number, signed, unit_of
+from slam.core import Array
+from worlds.catalogue import load_scene, scene_counts
+
+NONE = "-"
+ROOM_RULES = (
+    ("precision, centre rule", "rooms.centre_precision"),
+    ("recall, centre rule", "rooms.centre_recall"),
+    ("precision, by pieces", "rooms.precision"),
+    ("recall, by pieces", "rooms.recall"),
+)
+
+
+# --- spread ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of a metric over scenes and seeds. mean: over seeds, then over scenes; deviation, low, high:
+    over all runs; interval: 95 %, of the mean; count: runs that have a value."""
+
+    mean: float
+    deviation: float | None
+    low: float
+    high: float
+    interval: Interval | None
+    count: int
+
+
+def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
+    """None where no run has a value. With one run a scene the interval is over the scenes, since
+    there is no other spread."""
+    samples: dict[str, Array] = {}
+    for scene in level.values if scenes is None else scenes:
+        values = np.array(level.values[scene])
+        values = values[~np.isnan(values)]
+        if len(values):
+            samples[scene] = values
+    if not samples:
+        return None
+    every = np.concatenate(list(samples.values()))
+    single = max(map(len, samples.values())) == 1
+    return Spread(
+        mean=mean_over_scenes(samples),
+        deviation=float(every.std(ddof=1)) if len(every) > 1 else None,
+        low=float(every.min()),
+        high=float(every.max()),
+        interval=bootstrap(
+            {"": every} if single else samples, np.random.default_rng(BOOTSTRAP_SEED)
+        ),
+        count=len(every),
+    )
+
+
+def _shown(found: Spread | None, scale: float = 1.0, digits: int = 2) -> str:
+    """The mean and its interval."""
+    if found is None:
+        return NONE
+    text = number(found.mean, scale, digits)
+    if found.interval is None:
+        return text
+    ends = (number(end, scale, digits) for end in (found.interval.low, found.interval.high))
+    return f"{text} [{', '.join(ends)}]"
+
+
+# --- sheets ---------------------------------------------------------------------------------------
+
+
+def scenes_sheet(names: Sequence[str]) -> Sheet:
+    """Table I: what the scenes hold, there and here."""
+    rows = []
+    for name in names:
+        counts = scene_counts(load_scene(name))
+        shapes = ", ".join(f"{count} {shape}" for shape, count in counts.rooms)
+        world = "real; here simulated as a site" if name in REAL else "simulated"
+        rows.append((name, world, SCENES[name], shapes, str(counts.doors), f"{counts.area:.0f}"))
+    head = ("scene", "world", "the paper says", "what is built here", "doors", "area m2")
+    return Sheet("Scenes (Table I)", head, tuple(rows))
+
+
+def rooms_sheet(result: Result, world: str) -> Sheet:
+    """The precision/recall figure as numbers."""
+    head = (*("method", "measure", "mean [95 %]", "deviation", "min", "max", "runs"),)
+    rows, rules = [], []
+    for variant in result.ablation.variants:
+        rules.append(len(rows))
+        for name, metric in ROOM_RULES:
+            found = spread(result.level(variant.name, metric))
+            if found is None:
+                continue
+            numbers = (number(v, 1.0, 2) for v in (found.deviation, found.low, found.high))
+            rows.append((variant.name, name, _shown(found), *numbers, str(found.count)))
+    title = f"Rooms, {world} scenes (the paper's values stand in a picture only)"
+    return Sheet(title, head, tuple(rows), frozenset(rules[1:]))
+
+
+@dataclass(frozen=True)
+class Column:
+    """A variant's metric beside what is published of it, by scene, in the metric's unit."""
+
+    variant: str
+    metric: str
+    published: Values
+    name: str = ""
+
+    @property
+    def head(self) -> tuple[str, str]:
+        """Over the two columns."""
+        return self.name or self.variant, f"{self.name or self.variant} (paper)"
+
+
+def beside_sheet(title: str, result: Result, columns: Sequence[Column], digits: int = 2) -> Sheet:
+    """Scenes down, each column beside the paper's; at the end the means over scenes: the paper's
+    over those of these scenes that it has."""
+    scenes = result.ablation.scenes
+    rows = [(scene, *_cells(result, columns, [scene], digits)) for scene in scenes]
+    rows.append(("mean", *_cells(result, columns, scenes, digits)))
+    head = ("scene", *(text for column in columns for text in column.head))
+    return Sheet(title, head, tuple(rows), frozenset({len(scenes)}))
+
+
+def _cells(
+    result: Result, columns: Sequence[Column], scenes: Sequence[str], digits: int
+) -> list[str]:
+    cells = []
+    for column in columns:
+        scale, _ = unit_of(column.metric)
+        found = spread(result.level(column.variant, column.metric), scenes)
+        theirs = [column.published[scene] for scene in scenes if scene in column.published]
+        paper = number(float(np.mean(theirs)), scale, digits) if theirs else NOT_PUBLISHED
+        cells += [_shown(found, scale, digits), paper]
+    return cells
+
+
+def claims_sheet(title: str, measured: Measured, claims: Sequence[Claim]) -> Sheet:
+    """Relative differences, ours beside the text's; the interval is that of the paired mean."""
+    head = ("what", "variant", "against", "here %", "95 % interval", "pairs", "the paper says")
+    rows = [_claim_row(measured, claim) for claim in claims]
+    return Sheet(title, head, tuple(row for row in rows if row is not None))
+
+
+def _claim_row(measured: Measured, claim: Claim) -> tuple[str, ...] | None:
+    scenes = measured.of(claim.scenes)
+    if not scenes:
+        return None
+    pair = (claim.variant, claim.against)
+    found = measured.result(scenes, [pair], [claim.metric]).comparisons[0].difference
+    names = (claim.what, claim.variant, claim.against)
+    if found is None or not found.base:
+        return (*names, NONE, NONE, "0", claim.says)
+    scale = 100.0 / abs(found.base)
+    interval = NONE
+    if found.interval is not None:
+        ends = (signed(end, scale, 1) for end in (found.interval.low, found.interval.high))
+        interval = " to ".join(ends) + (" *" if found.interval.clear_of_zero else "")
+    return (*names, signed(found.percent, 1.0, 1), interval, str(found.count), claim.says)
+
+
+SUMMARY = (
+    ("rooms P (centre)", "rooms.centre_precision"),
+    ("rooms R (centre)", "rooms.centre_recall"),
+    ("rooms P", "rooms.precision"),
+    ("rooms R", "rooms.recall"),
+    ("walls P", "walls.precision"),
+    ("walls R", "walls.recall"),
+    ("first room s", "first_room_s"),
+    ("ATE cm", "ate_m"),
+    ("MMA cm", "mma_m"),
+)
+
+
+def summary_sheet(title: str, result: Result) -> Sheet:
+    """A group in short: methods down, the means of everything across."""
+    rows = []
+    for variant in result.ablation.variants:
+        levels = [result.level(variant.name, metric) for _, metric in SUMMARY]
+        cells = [_shown(spread(level), unit_of(level.metric)[0]) for level in levels]
+        rows.append((variant.name, *cells, str(levels[0].failed)))
+    head = ("method", *(name for name, _ in SUMMARY), "failed runs")
+    return Sheet(title, head, tuple(rows))
+
+
+def failures_sheet(title: str, result: Result) -> Sheet:
+    """How many rooms were missed and how many detections false over all runs, and why."""
+    head = ("method", *(cause.partition(".")[2].replace("_", ", ") for cause in CAUSES))
+    rows = []
+    for variant in result.ablation.variants:
+        levels = [result.level(variant.name, cause) for cause in CAUSES]
+        counts = [sum(np.nansum(values) for values in lv.values.values()) for lv in levels]
+        rows.append((variant.name, *(f"{count:.0f}" for count in counts)))
+    return Sheet(title, head, tuple(rows))
+
+
+def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> Sheet:
+    """Rooms of each scene: precision/recall, by pieces where a method has some."""
+    variants = [variant.name for variant in result.ablation.variants]
+    rows = [
+        (names[scene], *(_precision_recall(result, variant, scene) for variant in variants))
+        for scene in result.ablation.scenes
+    ]
+    return Sheet(title, ("scene", *variants), tuple(rows))
+
+
+def _precision_recall(result: Result, variant: str, scene: str) -> str:
+    def mean(metric: str) -> float | None:
+        return result.level(variant, metric).mean(scene)
+
+    rule = "" if mean("rooms.recall") is not None else "centre_"
+    return " / ".join(number(mean(f"rooms.{rule}{m}"), 1.0, 2) for m in ("precision", "recall"))
+
+
+def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> Sheet:
+    """Two sets of scenes that share nothing but the methods: means, and how far they differ."""
+    rows = []
+    for variant in b.ablation.variants:
+        for name, metric in ROOM_RULES:
+            first, second = (spread(result.level(variant.name, metric)) for result in (a, b))
+            if first is not None and second is not None:
+                gap = signed(second.mean - first.mean, 1.0, 3)
+                rows.append((variant.name, name, _shown(first), _shown(second), gap))
+    return Sheet(title, ("method", "measure", *names, "difference"), tuple(rows))
+
+
+def bars_sheet(title: str, result: Result, variant: str, bars: Sequence[Bound]) -> Sheet:
+    """What is aimed at, and what came of it."""
+    rows = []
+    for bar in bars:
+        found = spread(result.level(variant, bar.metric))
+        scale, unit = unit_of(bar.metric)
+        rows.append(
+            (
+                f"{bar.metric}{f' [{unit}]' if unit else ''}",
+                f"{bar.comparison} {scale * bar.limit:g}",
+                _shown(found, scale, 3),
+                "yes" if found is not None and bar.holds(found.mean) else "no",
+            )
+        )
+    return Sheet(title, ("what", "aim", "mean [95 %]", "reached"), tuple(rows))

@@ -1,0 +1,220 @@
+"""Which runs the tables need: the catalogue, fresh buildings, and what lies beyond the paper."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from eval.ablation import Ablation, Result, Variant, evaluate
+from eval.config import RunConfig
+from eval.files import write_text
+from eval.paper.published import (
+    CLAIMS,
+    FIGURE_CLAIMS,
+    GREEDY,
+    HYDRA,
+    OURS,
+    REAL,
+    ROOMS_ONLY,
+    SGRAPHS,
+    SIMULATED,
+)
+from eval.sweep.engine import State, SweepConfig, sweep
+from eval.sweep.job import Job, Row
+from eval.sweep.store import read_rows
+from worlds.conditions import CONDITIONS
+from worlds.generator import GeneratorConfig, random_plan
+from worlds.plan import Plan
+from worlds.planfile import plan_text
+
+INFORMATIVE = "Ours C, informative factors"
+
+
+def _variant(name: str, detector: str, layers: str, factors: str = "paper") -> Variant:
+    return Variant(name, (("detector", detector), ("layers", layers), ("factors", factors)))
+
+
+DETECTORS = (
+    _variant(HYDRA, "hydra", "planes"),
+    _variant(SGRAPHS, "sgraphs", "rooms"),
+    _variant(OURS, "gnn", "rooms+walls"),
+    _variant(GREEDY, "gnn-greedy", "rooms+walls"),
+)
+VARIANTS = (
+    *DETECTORS,
+    _variant(ROOMS_ONLY, "gnn", "rooms"),
+    _variant(INFORMATIVE, "gnn", "rooms+walls", "informative"),
+)
+CAUSES = tuple(
+    f"failures.{kind}_{cause}"
+    for kind in ("missed", "false")
+    for cause in ("unseen", "planes", "edges", "clustering")
+)
+METRICS = (
+    *("rooms.centre_precision", "rooms.centre_recall", "rooms.precision", "rooms.recall"),
+    *("rooms.mean_iou", "rooms.piece_f1", "walls.precision", "walls.recall"),
+    *("first_room_s", "room_latency_s.median", "room_latency_s.p95", "rooms.id_switches"),
+    *("ate_m", "ate_odometry_m", "mma_m", "mma_floor_m", "plane_rmse_m"),
+    *CAUSES,
+)
+PAIRS = tuple(
+    dict.fromkeys(
+        [(claim.variant, claim.against) for claim in (*FIGURE_CLAIMS, *CLAIMS)]
+        + [(INFORMATIVE, SGRAPHS), (INFORMATIVE, ROOMS_ONLY)]
+    )
+)
+
+WORLDS = ("angled", "curved", "open-plan", "identical", "hotel", "ramp")
+"""Not Manhattan, without walls between rooms, aliased, and on two storeys."""
+CONDITION_SCENES = ("SC1F2", "SE2")
+FRESH = 20
+FRESH_CONFIG = GeneratorConfig(max_rooms=20)
+FRESH_ROOMS = 4
+"""A fresh building with fewer rooms is drawn again."""
+QUICK_SCENES = ("SC1F1", "SE1", "SE3", "RC1F1", "RC2F2")
+QUICK_S = 30.0
+QUICK_FRESH = 4
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that are told of together. name: for the tables."""
+
+    name: str
+    ablation: Ablation
+
+
+def _ablation(scenes: Sequence[str], seeds: Sequence[int], base: RunConfig) -> Ablation:
+    return Ablation(VARIANTS, PAIRS, tuple(scenes), tuple(seeds), METRICS, base)
+
+
+def _detectors(scenes: Sequence[str], seeds: Sequence[int], base: RunConfig) -> Ablation:
+    """Without the variants that differ in the graph alone."""
+    kept = {variant.name for variant in DETECTORS}
+    pairs = tuple(pair for pair in PAIRS if set(pair) <= kept)
+    return Ablation(DETECTORS, pairs, tuple(scenes), tuple(seeds), METRICS, base)
+
+
+def catalogue(seeds: Sequence[int], base: RunConfig, quick: bool) -> Group:
+    """The paper's nine scenes."""
+    scenes = QUICK_SCENES if quick else (*SIMULATED, *REAL)
+    return Group("the paper's scenes", _ablation(scenes, seeds, base))
+
+
+def fresh(files: Sequence[Path], base: RunConfig) -> Group:
+    """Generated buildings, one drive each."""
+    return Group("fresh buildings", _ablation([str(path) for path in files], (0,), base))
+
+
+def beyond(seeds: Sequence[int], base: RunConfig, quick: bool) -> list[Group]:
+    """Worlds of other kinds, and each condition on two scenes."""
+    worlds = WORLDS[:2] if quick else WORLDS
+    scenes = CONDITION_SCENES[-1:] if quick else CONDITION_SCENES
+    names = ("as-built", "real-site") if quick else tuple(CONDITIONS)
+    return [Group(f"World {name}", _detectors([name], seeds, base)) for name in worlds] + [
+        Group(f"Condition {name}", _detectors(scenes, seeds, replace(base, conditions=name)))
+        for name in names
+    ]
+
+
+def of_plans(plans: Sequence[str], seeds: Sequence[int], base: RunConfig) -> list[Group]:
+    """Buildings of the user."""
+    return [Group(f"Plan {Path(plan).stem}", _detectors([plan], seeds, base)) for plan in plans]
+
+
+# --- fresh buildings ------------------------------------------------------------------------------
+
+
+def fresh_seed(weights: Sequence[Path]) -> int:
+    """The SHA-256 of the weights that ship, as a number: so the buildings are known only when the
+    training is over."""
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in weights))
+    return int(digest.hexdigest(), 16)
+
+
+def fresh_plans(seed: int, count: int = FRESH) -> list[Plan]:
+    """Generated buildings that follow from a seed."""
+    children = np.random.SeedSequence(seed).spawn(count)
+    return [_fresh_plan(np.random.default_rng(child), i) for i, child in enumerate(children)]
+
+
+def _fresh_plan(rng: np.random.Generator, place: int) -> Plan:
+    while True:
+        plan = random_plan(rng, FRESH_CONFIG)
+        if len(plan.storeys[0].rooms) >= FRESH_ROOMS:
+            return replace(plan, name=f"fresh-{place:02d}")
+
+
+def write_plans(plans: Sequence[Plan], folder: Path) -> list[Path]:
+    """Plan files of buildings; one that is there already is not touched."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{plan.name}.json" for plan in plans]
+    for plan, path in zip(plans, files, strict=True):
+        text = plan_text(plan)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            write_text(path, text)
+    return files
+
+
+# --- what comes of it -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A group, run. rows: of its configurations."""
+
+    group: Group
+    rows: Mapping[RunConfig, Row]
+
+    def result(
+        self,
+        scenes: Sequence[str] | None = None,
+        pairs: Sequence[tuple[str, str]] = (),
+        metrics: Sequence[str] = METRICS,
+    ) -> Result:
+        """Levels over all scenes, or over some; and comparisons of pairs, which take their time."""
+        ablation = self.group.ablation
+        ablation = replace(
+            ablation,
+            scenes=ablation.scenes if scenes is None else tuple(scenes),
+            pairs=tuple(pairs),
+            metrics=tuple(metrics),
+        )
+        return evaluate(ablation, [self.rows[config] for config in ablation.configs])
+
+    def compared(self) -> Result:
+        """All pairs in what the paper compares."""
+        names = dict.fromkeys(claim.metric for claim in (*FIGURE_CLAIMS, *CLAIMS))
+        return self.result(None, self.group.ablation.pairs, tuple(names))
+
+    def of(self, scenes: Sequence[str]) -> tuple[str, ...]:
+        """Those of some scenes that were run."""
+        return tuple(scene for scene in scenes if scene in self.group.ablation.scenes)
+
+    @property
+    def errors(self) -> list[str]:
+        """Of runs that failed."""
+        return [row.error for row in self.rows.values() if row.error]
+
+
+def measure(
+    groups: Sequence[Group], settings: SweepConfig, watch: Callable[[State], None] | None = None
+) -> list[Measured]:
+    """Runs all groups in one sweep, the first seeds of all first. Raises InputError."""
+    configs = [config for group in groups for config in group.ablation.configs]
+    configs.sort(key=lambda config: config.seed)
+    rows = dict(zip(configs, sweep(configs, settings, watch), strict=True))
+    return [Measured(g, {c: rows[c] for c in g.ablation.configs}) for g in groups]
+
+
+def already_measured(group: Group, folder: Path) -> Measured | None:
+    """A group as an earlier sweep of the folder left it; None unless it is whole."""
+    jobs = [Job(config) for config in group.ablation.configs]
+    found = read_rows(folder, [job.key for job in jobs])
+    if any(job.key not in found for job in jobs):
+        return None
+    return Measured(group, {job.config: found[job.key] for job in jobs})

@@ -1,0 +1,331 @@
+"""The paper's tables: its numbers, which runs they need, and what is said of made-up runs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fakes import metrics_of
+
+from eval.ablation import BOOTSTRAP_SEED
+from eval.cli import main
+from eval.config import RunConfig
+from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
+from eval.metrics import Metrics, Rooms, Walls
+from eval.paper import report, study
+from eval.paper.figures import Panel, centre_matches, rooms_caption, rooms_png, scenes_png
+from eval.paper.published import (
+    ATE,
+    FIGURE_CLAIMS,
+    FIRST_ROOM,
+    HYDRA,
+    MMA,
+    OURS,
+    REAL,
+    ROOMS_ONLY,
+    SCENES,
+    SGRAPHS,
+    SIMULATED,
+    WALL_RECALL,
+)
+from eval.paper.sheets import failures_sheet, rooms_sheet, spread, summary_sheet
+from eval.paper.study import Measured
+from eval.score_failures import Failures
+from eval.stats import bootstrap
+from eval.sweep.job import Row
+from eval.tables import Sheet
+from worlds.catalogue import load_scene, scene_counts
+
+BASE = RunConfig("SE1", cache=Path("front-ends"))
+
+
+def stub(config: RunConfig) -> Metrics:
+    """Numbers of the configuration alone; Hydra has no pieces, and finds nothing in RC2F2."""
+    rng = np.random.default_rng([config.seed, len(config.scene), ord(config.detector[0])])
+    nothing = config.detector == "hydra" and config.scene == "RC2F2"
+    share = None if nothing else 0.5 + 0.5 * float(rng.random())
+    by_pieces = None if config.detector == "hydra" else share
+    rooms = Rooms(
+        *(10, 8, by_pieces and 8.0, by_pieces and 6.0, by_pieces, by_pieces),
+        *(share, 0.0 if nothing else share),
+    )
+    ate = {"sgraphs": 0.03, "gnn": 0.02}.get(config.detector, 0.04)
+    return metrics_of(
+        config,
+        rooms=rooms,
+        walls=Walls(12, 12, 12, 1.0, 0.8),
+        failures=Failures(*([config.seed] * 8)),
+        ate_m=ate,
+        mma_m=0.02,
+        mma_floor_m=0.015,
+        first_room_s=1.0 + config.seed,
+        T_world_map=tuple(map(tuple, np.eye(4).tolist())),
+    )
+
+
+def measured_of(group: study.Group) -> Measured:
+    configs = group.ablation.configs
+    return Measured(group, {c: Row(c, "complete", None, 1.0, stub(c)) for c in configs})
+
+
+@pytest.fixture(scope="module")
+def paper() -> Measured:
+    return measured_of(study.catalogue((0, 1, 2), BASE, quick=False))
+
+
+def cell(sheet: Sheet, row: str, column: str, **others: str) -> str:
+    places = {name: sheet.head.index(name) for name in others}
+    found = [
+        line
+        for line in sheet.rows
+        if line[0] == row and all(line[places[name]] == text for name, text in others.items())
+    ]
+    assert len(found) == 1
+    return found[0][sheet.head.index(column)]
+
+
+# --- what the paper says --------------------------------------------------------------------------
+
+
+def test_the_means_that_the_paper_prints_follow_from_its_numbers() -> None:
+    def mean(values, scenes) -> float:
+        return float(np.mean([values[scene] for scene in scenes]))
+
+    assert mean(FIRST_ROOM[SGRAPHS], SIMULATED) == pytest.approx(77.8)
+    assert mean(FIRST_ROOM[OURS], SIMULATED) == pytest.approx(12.2)
+    assert mean(FIRST_ROOM[SGRAPHS], REAL) == pytest.approx(179.9, abs=0.05)
+    assert mean(FIRST_ROOM[OURS], REAL) == pytest.approx(67.1, abs=0.05)
+    ate = {name: mean(values, SIMULATED) for name, values in ATE.items()}
+    assert [round(100 * ate[name], 2) for name in (SGRAPHS, ROOMS_ONLY, OURS)] == [3.09, 2.93, 2.88]
+    assert 1 - ate[OURS] / ate[SGRAPHS] == pytest.approx(0.068, abs=2e-3)
+    assert 1 - ate[OURS] / ate[ROOMS_ONLY] == pytest.approx(0.017, abs=2e-3)
+    mma = {name: float(np.mean(list(values.values()))) for name, values in MMA.items()}
+    assert 1 - mma[OURS] / mma[SGRAPHS] == pytest.approx(0.018, abs=2e-3)
+    assert mean(WALL_RECALL, SIMULATED) == pytest.approx(0.80, abs=5e-3)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_scenes_hold_what_table_one_says(name: str) -> None:
+    plain = SCENES[name].replace("corridors", "corridor")
+    counts = scene_counts(load_scene(name)).rooms
+    assert {f"{count} {shape}" for shape, count in counts} == set(plain.split(", "))
+
+
+# --- which runs -----------------------------------------------------------------------------------
+
+
+def test_the_catalogue_has_every_method_on_nine_scenes() -> None:
+    ablation = study.catalogue((0, 1, 2, 3, 4), BASE, quick=False).ablation
+    assert len(ablation.configs) == 9 * 5 * len(study.VARIANTS)
+    baseline = dict(next(v.fields for v in ablation.variants if v.name == SGRAPHS))
+    assert baseline == {"detector": "sgraphs", "layers": "rooms", "factors": "paper"}
+    needed = {name for claim in FIGURE_CLAIMS for name in (claim.variant, claim.against)}
+    assert needed <= {variant.name for variant in ablation.variants}
+
+
+def test_fresh_buildings_follow_from_the_weights_alone(tmp_path: Path) -> None:
+    weights = tmp_path / "weights.npz"
+    weights.write_bytes(b"trained")
+    seed = study.fresh_seed([weights])
+    assert seed == int(hashlib.sha256(b"trained").hexdigest(), 16)
+    texts = [
+        [path.read_text() for path in study.write_plans(study.fresh_plans(seed, 3), tmp_path / at)]
+        for at in ("a", "b")
+    ]
+    assert texts[0] == texts[1]
+    assert len(set(texts[0])) == 3
+    weights.write_bytes(b"trained again")
+    other = study.write_plans(study.fresh_plans(study.fresh_seed([weights]), 3), tmp_path / "c")
+    assert not set(texts[0]) & {path.read_text() for path in other}
+    for path in other:
+        assert len(load_scene(str(path)).storeys[0].rooms) >= study.FRESH_ROOMS
+
+
+def test_beyond_has_worlds_conditions_and_the_users_plans() -> None:
+    groups = study.beyond((0,), BASE, quick=False)
+    names = [group.name for group in groups]
+    assert {"World hotel", "World angled", "Condition real-site", "Condition people"} <= set(names)
+    people = groups[names.index("Condition people")].ablation
+    assert {config.conditions for config in people.configs} == {"people"}
+    (plan,) = study.of_plans(["mine/office.json"], (3,), BASE)
+    assert plan.name == "Plan office"
+    assert {config.scene for config in plan.ablation.configs} == {"mine/office.json"}
+
+
+# --- what is said of them -------------------------------------------------------------------------
+
+
+def test_a_spread_is_over_runs_and_its_interval_over_seeds(paper: Measured) -> None:
+    level = paper.result(("SE1", "SE3")).level(OURS, "rooms.recall")
+    found = spread(level)
+    values = np.array([level.values["SE1"], level.values["SE3"]])
+    assert found is not None
+    assert found.mean == pytest.approx(values.mean())
+    assert (found.low, found.high, found.count) == (values.min(), values.max(), 6)
+    assert found.deviation == pytest.approx(values.std(ddof=1))
+    samples = {"SE1": values[0], "SE3": values[1]}
+    assert found.interval == bootstrap(samples, np.random.default_rng(BOOTSTRAP_SEED))
+
+
+def test_runs_without_a_value_are_left_out_and_counted(paper: Measured) -> None:
+    level = paper.result(REAL).level(HYDRA, "rooms.centre_precision")
+    found = spread(level)
+    assert found is not None
+    assert found.count == 3 * (len(REAL) - 1)
+    assert spread(level, ["RC2F2"]) is None
+
+
+def test_one_drive_a_building_has_its_interval_over_buildings(tmp_path: Path) -> None:
+    files = [tmp_path / f"b{place}.json" for place in range(4)]
+    result = measured_of(study.fresh(files, BASE)).result()
+    level = result.level(OURS, "rooms.recall")
+    values = {scene: (place / 4.0,) for place, scene in enumerate(level.values)}
+    found = spread(replace(level, values=values))
+    assert found is not None
+    assert found.interval is not None
+    assert found.interval.low < found.mean < found.interval.high
+
+
+def test_ours_stands_beside_the_papers(paper: Measured) -> None:
+    sheets = {sheet.title: sheet for sheet in report.catalogue_sheets(paper)}
+    ate = sheets["ATE, simulated scenes [cm] (Table IV)"]
+    assert cell(ate, "mean", f"{SGRAPHS} (paper)") == "3.09"
+    assert cell(ate, "SE3", OURS).startswith("2.00")
+    assert cell(ate, "SE3", f"{OURS} (paper)") == "2.23"
+    real = sheets["ATE, real-condition scenes [cm] (Table IV)"]
+    assert cell(real, "mean", f"{OURS} (paper)") == "not published"
+    mma = sheets["MMA [cm] (Table V)"]
+    assert cell(mma, "mean", f"{OURS} (paper)") == "21.95"
+    assert "SE1" not in {row[0] for row in mma.rows}
+    first = sheets["First room, simulated scenes [s] (Table III)"]
+    assert cell(first, "mean", f"{SGRAPHS} (paper)") == "77.8"
+    assert cell(first, "SE1", OURS).startswith("2.0 [")
+    walls = sheets["Walls, real-condition scenes (Table II)"]
+    assert cell(walls, "RC1F2", "recall (paper)") == "0.75"
+
+
+def test_relative_differences_are_of_the_means(paper: Measured) -> None:
+    sheets = {sheet.title: sheet for sheet in report.catalogue_sheets(paper)}
+    claims = sheets["Relative differences of the text"]
+    asked = {"variant": OURS, "against": SGRAPHS}
+    assert cell(claims, "ATE", "here %", **asked) == "\N{MINUS SIGN}33.3"
+    assert cell(claims, "ATE", "the paper says", **asked) == "6.8 % better"
+    assert cell(claims, "ATE, what walls add", "here %") == "0.0"
+
+
+def test_failures_are_added_up(paper: Measured) -> None:
+    sheet = failures_sheet("", paper.result())
+    assert sheet.rows[0][1:] == (str(9 * (0 + 1 + 2)),) * 8
+
+
+def test_a_method_without_planes_has_the_centre_rule_only(paper: Measured) -> None:
+    sheet = rooms_sheet(paper.result(SIMULATED), "simulated")
+    measures = [row[1] for row in sheet.rows if row[0] == HYDRA]
+    assert measures == ["precision, centre rule", "recall, centre rule"]
+    summary = summary_sheet("", paper.result())
+    assert cell(summary, HYDRA, "rooms P") == "-"
+
+
+def test_fresh_buildings_stand_against_the_catalogue(paper: Measured, tmp_path: Path) -> None:
+    part = measured_of(study.fresh([tmp_path / f"b{place}.json" for place in range(3)], BASE))
+    alone, both = report.fresh_sheets(part, None), report.fresh_sheets(part, paper)
+    assert len(both) == len(alone) + 1
+    assert [row[0] for row in alone[1].rows] == ["b0", "b1", "b2"]
+
+
+# --- pictures and files ---------------------------------------------------------------------------
+
+
+def graph_of(house) -> SceneGraph:
+    """A and C found, and one room where there is none; the wall between A and B."""
+    nodes = [
+        RoomNode(f"r{place}", (), np.array(outline, dtype=float), np.mean(outline, axis=0), 1.0)
+        for place, outline in enumerate(
+            (
+                [(0, 0), (4, 0), (4, 3), (0, 3)],
+                [(0, 3.1), (8.1, 3.1), (8.1, 4.6), (0, 4.6)],
+                [(20, 0), (24, 0), (24, 3)],
+            )
+        )
+    ]
+    planes = [
+        PlaneNode(
+            f"p{face}",
+            house.truth.faces[face].normal,
+            0.0,
+            house.truth.faces[face].segment,
+            (0.0, 2.5),
+        )
+        for face in (1, 7)
+    ]
+    return SceneGraph((*nodes, *planes, WallNode("w0", ("p1", "p7"))), (), {"w0": "wall 0"})
+
+
+def panel_of(house, method: str) -> Panel:
+    detector = "hydra" if method == HYDRA else "gnn"
+    rooms = Rooms(3, 3, 3.0, 2.0, 2 / 3, 2 / 3, 2 / 3, 2 / 3)
+    metrics = replace(stub(RunConfig("SE3", detector=detector)), rooms=rooms)
+    return Panel("SE3", method, graph_of(house), metrics, house.truth)
+
+
+def test_a_panel_is_judged_by_centres(house) -> None:
+    panel = panel_of(house, OURS)
+    assert centre_matches(panel) == {"r0": 0, "r1": 2}
+    said = "P 2/3, R 2/3; by pieces P 2/3, R 2/3\npaper: P 10/10, R 10/14"
+    assert rooms_caption(panel) == said
+    assert rooms_caption(panel_of(house, HYDRA)) == "P 2/3, R 2/3\npaper: P 9/13, R 9/14"
+
+
+def test_pictures_are_made(house, paper: Measured) -> None:
+    methods = [variant.name for variant in study.DETECTORS]
+    worlds = [(world, paper.result(scenes)) for world, scenes in report.worlds(paper)]
+    for data in (
+        rooms_png(worlds, methods),
+        scenes_png([panel_of(house, HYDRA), panel_of(house, OURS)]),
+    ):
+        assert data.startswith(b"\x89PNG")
+        assert len(data) > 10_000
+
+
+def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, capsys) -> None:
+    graph = tmp_path / "graph.json"
+    write_graph(graph_of(house), graph)
+
+    def sweep(configs, settings, watch):
+        assert settings.runner == "eval.paper.keep:run_and_keep"
+        return [Row(c, "complete", None, 1.0, stub(c)) for c in configs]
+
+    monkeypatch.setattr(study, "sweep", sweep)
+    monkeypatch.setattr("eval.paper.keep.kept_graph", lambda config: graph)
+    out = tmp_path / "out"
+    out.mkdir()
+    for flags in ([], ["--fresh"], ["--beyond"]):
+        assert main(["paper", "--quick", "--out", str(out), *flags]) == 0
+    names = {path.name for path in out.iterdir() if path.is_file()}
+    assert {
+        f"{kind}.{end}" for kind in ("paper", "fresh", "beyond") for end in ("md", "tex")
+    } <= names
+    assert {"paper-rooms.png", "paper-scenes.png", "fresh-rooms.png", "paper.csv"} <= names
+    text = (out / "paper.md").read_text()
+    assert "The recordings of its real scenes are not public" in text
+    assert "| SE3 | Hydra RS |" in text
+    assert "paper.md" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--fresh", "--beyond"], "fresh: expected --fresh or --beyond"),
+        (["--plans", "a.json"], "plans: expected together with --beyond"),
+        (["--beyond", "--plans", "none.json"], "none.json"),
+        (["--seeds", "x"], "seeds"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(flags, said, tmp_path: Path, capsys) -> None:
+    assert main(["paper", "--out", str(tmp_path / "out"), *flags]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
