@@ -12,7 +12,7 @@ from eval.stats import Interval
 
 LEFT = (
     *("variant", "metric", "against", "verdict", "scene", "method", "measure", "what", "world"),
-    "the paper says",
+    *("the paper says", "what is built here"),
 )
 """Columns of words: they stand to the left, numbers to the right."""
 MINUS = "\N{MINUS SIGN}"

@@ -110,7 +110,7 @@ def scenes_png(panels: Sequence[Panel]) -> bytes:
             if panel.method == OURS:
                 _draw_walls(row[len(own)], panel)
     figure.suptitle(
-        "Found where the truth is grey: green true, red false, orange hatched entered and missed",
+        "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found",
         fontsize=11,
     )
     return png_of(figure)

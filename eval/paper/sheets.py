@@ -10,7 +10,7 @@ import numpy as np
 from eval.ablation import BOOTSTRAP_SEED, Level, Result
 from eval.bounds import Bound
 from eval.paper.published import NOT_PUBLISHED, REAL, SCENES, Claim, Values
-from eval.paper.study import CAUSES, Measured
+from eval.paper.study import CAUSES, DETECTORS, Measured
 from eval.stats import Interval, bootstrap, mean_over_scenes
 from eval.tables import Sheet, number, signed, unit_of
 from slam.core import Array
@@ -96,7 +96,7 @@ def rooms_sheet(result: Result, world: str) -> Sheet:
     """The precision/recall figure as numbers."""
     head = (*("method", "measure", "mean [95 %]", "deviation", "min", "max", "runs"),)
     rows, rules = [], []
-    for variant in result.ablation.variants:
+    for variant in DETECTORS:
         rules.append(len(rows))
         for name, metric in ROOM_RULES:
             found = spread(result.level(variant.name, metric))
