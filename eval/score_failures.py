@@ -69,9 +69,7 @@ class Evidence:
         return len(held) >= needed and length >= MIN_COVERAGE * self.seen.room_length(room.id)
 
 
-def linked_rooms(
-    links: Links, planes: Sequence[MapPlane], voter: Voter, needs: float = MIN_COVERAGE
-) -> frozenset[int]:
+def linked_rooms(links: Links, planes: Sequence[MapPlane], voter: Voter) -> frozenset[int]:
     """Rooms of which the pieces that the edges join, directly or over others, would be a true
     detection (wherever its centre)."""
     count = len(links.pieces)
@@ -85,7 +83,7 @@ def linked_rooms(
         if len(part) > 1
     )
     votes, _ = voter.vote(planes, Proposals(rooms))
-    return frozenset(v.owner for v in votes if v.owner is not None and v.coverage >= needs)
+    return frozenset(v.owner for v in votes if v.owner is not None and v.coverage >= MIN_COVERAGE)
 
 
 def score_failures(

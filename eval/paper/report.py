@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from eval.ablation import Result
@@ -24,6 +24,7 @@ from eval.paper.published import (
     WALL_COUNTS,
     WALL_PRECISION,
     WALL_RECALL,
+    Values,
 )
 from eval.paper.sheets import (
     Column,
@@ -137,7 +138,7 @@ def _walls_and_first_room(result: Result, world: str) -> list[Sheet]:
     ]
 
 
-def _graph_columns(metric: str, published: dict[str, dict[str, float]]) -> list[Column]:
+def _graph_columns(metric: str, published: Mapping[str, Values]) -> list[Column]:
     names = (SGRAPHS, ROOMS_ONLY, OURS, INFORMATIVE)
     return [Column(name, metric, published.get(name, {})) for name in names]
 

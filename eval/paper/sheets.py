@@ -9,7 +9,7 @@ import numpy as np
 
 from eval.ablation import BOOTSTRAP_SEED, Level, Result
 from eval.bounds import Bound
-from eval.paper.published import NOT_PUBLISHED, REAL, SCENES, Claim, Values
+from eval.paper.published import HYDRA, NOT_PUBLISHED, REAL, SCENES, Claim, Values
 from eval.paper.study import CAUSES, DETECTORS, Measured
 from eval.stats import Interval, bootstrap, mean_over_scenes
 from eval.tables import Sheet, number, signed, unit_of
@@ -23,6 +23,7 @@ ROOM_RULES = (
     ("precision, by pieces", "rooms.precision"),
     ("recall, by pieces", "rooms.recall"),
 )
+BY_PIECES = ("rooms.precision", "rooms.recall")
 
 
 # --- spread ---------------------------------------------------------------------------------------
@@ -66,6 +67,14 @@ def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
     )
 
 
+def spread_of(result: Result, variant: str, metric: str) -> Spread | None:
+    """The same of a variant; None for what does not apply: Hydra's rooms have no pieces (the scores
+    can tell that only from runs in which it finds some)."""
+    if variant == HYDRA and metric in BY_PIECES:
+        return None
+    return spread(result.level(variant, metric))
+
+
 def _shown(found: Spread | None, scale: float = 1.0, digits: int = 2) -> str:
     """The mean and its interval."""
     if found is None:
@@ -94,12 +103,13 @@ def scenes_sheet(names: Sequence[str]) -> Sheet:
 
 def rooms_sheet(result: Result, world: str) -> Sheet:
     """The precision/recall figure as numbers."""
-    head = (*("method", "measure", "mean [95 %]", "deviation", "min", "max", "runs"),)
-    rows, rules = [], []
+    head = ("method", "measure", "mean [95 %]", "deviation", "min", "max", "runs")
+    rows: list[tuple[str, ...]] = []
+    rules: list[int] = []
     for variant in DETECTORS:
         rules.append(len(rows))
         for name, metric in ROOM_RULES:
-            found = spread(result.level(variant.name, metric))
+            found = spread_of(result, variant.name, metric)
             if found is None:
                 continue
             numbers = (number(v, 1.0, 2) for v in (found.deviation, found.low, found.high))
@@ -187,9 +197,12 @@ def summary_sheet(title: str, result: Result) -> Sheet:
     """A group in short: methods down, the means of everything across."""
     rows = []
     for variant in result.ablation.variants:
-        levels = [result.level(variant.name, metric) for _, metric in SUMMARY]
-        cells = [_shown(spread(level), unit_of(level.metric)[0]) for level in levels]
-        rows.append((variant.name, *cells, str(levels[0].failed)))
+        cells = [
+            _shown(spread_of(result, variant.name, metric), unit_of(metric)[0])
+            for _, metric in SUMMARY
+        ]
+        failed = result.level(variant.name, SUMMARY[0][1]).failed
+        rows.append((variant.name, *cells, str(failed)))
     head = ("method", *(name for name, _ in SUMMARY), "failed runs")
     return Sheet(title, head, tuple(rows))
 
@@ -206,7 +219,7 @@ def failures_sheet(title: str, result: Result) -> Sheet:
 
 
 def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> Sheet:
-    """Rooms of each scene: precision/recall, by pieces where a method has some."""
+    """Rooms of each scene: precision/recall, by pieces, or by centres of Hydra."""
     variants = [variant.name for variant in result.ablation.variants]
     rows = [
         (names[scene], *(_precision_recall(result, variant, scene) for variant in variants))
@@ -216,11 +229,9 @@ def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> She
 
 
 def _precision_recall(result: Result, variant: str, scene: str) -> str:
-    def mean(metric: str) -> float | None:
-        return result.level(variant, metric).mean(scene)
-
-    rule = "" if mean("rooms.recall") is not None else "centre_"
-    return " / ".join(number(mean(f"rooms.{rule}{m}"), 1.0, 2) for m in ("precision", "recall"))
+    rule = "centre_" if variant == HYDRA else ""
+    metrics = (f"rooms.{rule}{measure}" for measure in ("precision", "recall"))
+    return " / ".join(number(result.level(variant, m).mean(scene), 1.0, 2) for m in metrics)
 
 
 def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> Sheet:
@@ -228,7 +239,7 @@ def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> S
     rows = []
     for variant in b.ablation.variants:
         for name, metric in ROOM_RULES:
-            first, second = (spread(result.level(variant.name, metric)) for result in (a, b))
+            first, second = (spread_of(result, variant.name, metric) for result in (a, b))
             if first is not None and second is not None:
                 gap = signed(second.mean - first.mean, 1.0, 3)
                 rows.append((variant.name, name, _shown(first), _shown(second), gap))
