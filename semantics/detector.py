@@ -113,11 +113,6 @@ class GnnDetector:
         pieces = tuple(self._pieces.piece(place) for place in range(len(self._pieces)))
         return Links(pieces, self._linked)
 
-    def links(self) -> Links:
-        """The edges that speak for one room, of the last update."""
-        pieces = tuple(self._pieces.piece(place) for place in range(len(self._pieces)))
-        return Links(pieces, self._linked)
-
     def _find_rooms(self, pieces: Pieces, clusters: Clusters) -> list[RoomProposal]:
         groups = [group for group in clusters.groups() if len(group) > 1]
         confidence = [float(clusters.confidence[clusters.label[group[0]]]) for group in groups]
