@@ -109,6 +109,7 @@ def catalogue_sheets(measured: Measured) -> list[Sheet]:
         )
     )
     sheets.append(claims_sheet("Relative differences of the text", measured, CLAIMS))
+    sheets.append(summary_sheet("In short, all scenes", measured.result()))
     sheets.append(failures_sheet("Missed and false rooms by cause, all runs", measured.result()))
     for (world, scenes), aims in zip(_both(measured), (AIMS, REAL_AIMS), strict=True):
         if scenes:

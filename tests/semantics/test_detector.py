@@ -8,7 +8,7 @@ from houses import L_ROOM, TWO_ROOMS_AND_A_CORRIDOR, around, moved, plane, view
 from shapely.geometry import Point, Polygon
 
 from semantics.detector import DetectorConfig, GnnDetector, make_detector
-from slam.core import InputError, MapView
+from slam.core import InputError, Linking, MapView
 
 
 def planes_of(proposals):
@@ -47,6 +47,17 @@ def test_the_order_of_the_planes_does_not_matter():
     found = GnnDetector().update(view(TWO_ROOMS_AND_A_CORRIDOR, order))
     assert planes_of(found) == ROOMS
     assert walls_of(found) == WALLS
+
+
+def test_it_tells_of_the_edges_behind_its_rooms():
+    detector = GnnDetector()
+    assert isinstance(detector, Linking)
+    assert len(detector.links().pairs) == 0
+    detector.update(view(TWO_ROOMS_AND_A_CORRIDOR))
+    links = detector.links()
+    joined = {frozenset(links.pieces[k].plane_id for k in pair) for pair in links.pairs.tolist()}
+    assert joined
+    assert all(any(pair <= room for room in ROOMS) for pair in joined)
 
 
 def test_an_l_shaped_room_is_one_room():
