@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from eval.commands.view import watchers
-from eval.report.photo import browser, photograph
 from eval.view import viewers
 from eval.view.live import LiveSink
 from eval.view.recorder import Recorder
@@ -90,20 +89,3 @@ def test_the_native_viewer_shows_rooms(tmp_path: Path, play: Play) -> None:
         pytest.skip(f"no headless viewer here: {error}")
     assert drawn(at_start) > 0.01
     assert drawn(at_end) < drawn(at_start)  # all rooms were retracted
-
-
-@pytest.mark.slow
-def test_the_page_shows_rooms(tmp_path: Path, play: Play) -> None:
-    if browser() is None:
-        pytest.skip("no browser here that takes pictures of pages")
-    path = tmp_path / "recording.rrd"
-    play(Recorder(FileTarget(path)), retract=False)
-    viewer = open_page(path)
-    try:
-        assert viewer.page is not None
-        page = f"{viewer.page}&renderer=webgl"
-        # Without a graphics card, on a busy machine, it takes its time.
-        pictures = (photograph(page, (900, 600), draw_s) for draw_s in (15.0, 45.0, 90.0))
-        assert any(drawn(picture) > 0.02 for picture in pictures)
-    finally:
-        viewer.stop()
