@@ -36,7 +36,7 @@ class ExtractionConfig:
     """
 
     window: float = 0.4
-    straight: float = 0.02
+    straight: float = 0.017
     min_run: float = 0.2
     min_run_points: int = 8
     gap: float = 0.25
