@@ -42,9 +42,6 @@ LOWER_IS_BETTER = frozenset(
 )
 """Of the numbers in neither set, such as counts of what is there, no change is good or bad."""
 
-MEASURED_TIMES = ("startup_s", "wall_s", "real_time_factor", "peak_rss_mb", "stages.")
-"""What depends on the machine and on what else it does."""
-
 
 @cache
 def metric_names() -> tuple[str, ...]:
@@ -82,8 +79,3 @@ def value_of(metrics: Metrics, name: str) -> float | None:
 def sense(name: str) -> int:
     """1 where higher is better, -1 where lower is, 0 where neither."""
     return int(name in HIGHER_IS_BETTER) - int(name in LOWER_IS_BETTER)
-
-
-def measured_time(name: str) -> bool:
-    """Does a number depend on the machine's speed (``MEASURED_TIMES``)?"""
-    return name.startswith(MEASURED_TIMES)

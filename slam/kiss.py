@@ -29,8 +29,9 @@ from slam.odometry import LIMITS, MotionLimits, Stamped, check_motion
 
 @dataclass(frozen=True)
 class KissConfig:
-    """The indoor preset. Chosen on drives through generated buildings (``roomloop bench odometry``;
-    the README has the table), never on the scenes of the catalogue.
+    """The indoor preset (``roomloop bench odometry``). Compared mostly on drives through generated
+    buildings; voxel_size is older, and between nearly equal settings of the last step SE1 was
+    looked at too (README, "The odometry").
 
     returns: at most about so many of a sweep are used, spread evenly; voxel_size [m]: of the local
     map, which takes a point from each half of it; source_spacing [m]: between the points that are
