@@ -150,7 +150,11 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequenc
 
 def back_end_config(config: RunConfig) -> BackEndConfig:
     """What a run's options ask of the back end."""
-    return BackEndConfig(layers=config.layers, loops=LoopConfig() if config.loops == "on" else None)
+    return BackEndConfig(
+        layers=config.layers,
+        factors=config.factors,
+        loops=LoopConfig() if config.loops == "on" else None,
+    )
 
 
 def _front_end(

@@ -7,10 +7,11 @@ import pytest
 
 from eval.artefact import Replay, artefact_path, front_end_key, recorded, write_steps
 from eval.config import RunConfig
+from eval.outputs import read_tum
 from eval.run import run
 from slam.core import InputError, RunError
 
-SECONDS = 4.0
+SECONDS = 6.0
 TIMES = {
     *("startup_s", "wall_s", "real_time_factor", "stages", "peak_rss_mb"),
     *("first_room_s", "room_latency_s"),  # inference time included
@@ -59,6 +60,20 @@ def test_variants_of_the_back_end_share_one_file(runs, tmp_path):
     result = run(dataclasses.replace(variant, out=tmp_path / "variant"))
     assert result.metrics.wall_s is None
     assert len(list(cache.iterdir())) == 1
+
+
+def test_informative_factors_move_the_path_and_published_ones_do_not(runs, tmp_path):
+    cache = runs["recorded"].folder.parent / "cache"
+    base = RunConfig("SE1", seed=3, duration=SECONDS, cache=cache, detector="oracle", loops="off")
+
+    def path(layers, factors):
+        config = dataclasses.replace(base, layers=layers, factors=factors)
+        folder = run(dataclasses.replace(config, out=tmp_path / f"{layers}-{factors}")).folder
+        return read_tum(folder / "trajectory.tum").poses[:, :3, 3]
+
+    planes = path("planes", "paper")
+    assert np.abs(path("rooms+walls", "paper") - planes).max() < 1e-5
+    assert np.abs(path("rooms+walls", "informative") - planes).max() > 3e-5
 
 
 def test_the_key_tells_front_ends_apart():
