@@ -311,13 +311,16 @@ class PlaneMap:
         return out.observed
 
     def doubtful(self, keyframe: int, last: bool = False) -> list[int]:
-        """Planes that only one keyframe saw, a while ago (at the ``last``: ever), and little of."""
-        seen = self._of_keyframe.get(keyframe - self._config.doubt, set()) & self._support.keys()
+        """Planes that only one keyframe saw, a while ago, and little of. At the ``last`` keyframe
+        all that others had the chance to see again: not those that are seen only now."""
+        before = {keyframe - self._config.doubt}
         if last:
-            seen = set(self._support)
-        return sorted(plane for plane in seen if self._is_doubtful(self._support[plane]))
+            before = set(self._of_keyframe) - {keyframe}
+        seen = {plane for k in before for plane in self._of_keyframe.get(k, ())}
+        return sorted(plane for plane in seen & self._support.keys() if self._is_doubtful(plane))
 
-    def _is_doubtful(self, support: _Support) -> bool:
+    def _is_doubtful(self, plane: int) -> bool:
+        support = self._support[plane]
         points = sum(len(chunk.ids) for chunk in support.chunks)
         return len(support.observed) == 1 and points < self._config.doubt_points
 

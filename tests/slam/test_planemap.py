@@ -150,3 +150,15 @@ def test_what_is_no_plane_is_left_out(fault):
         backend.add(Frame(k, 0.5 * k, at(0.3 * k), at(0.3 * k), replace(scan, planes=planes)))
     assert len(backend.view().planes) == 3
     assert np.isfinite(backend.trajectory()).all()
+
+
+def test_what_only_the_last_keyframe_saw_is_kept():
+    """Nobody had the chance to see it again; what an earlier one saw once, the others had."""
+    little = patch(Y, [0, -2, 1], 0.8, 0.3)[0], patch(Y, [0, -2, 1], 0.8, 0.3)[1][::10]
+    for seen_at, kept in ((0, 4), (11, 5)):
+        backend = BackEnd()
+        walls = [patch(Y, [0, -3, 1], 6), *ROOM[1:]]
+        extra = [[*walls, little] if k == seen_at else walls for k in range(12)]
+        drive(backend, [at(0.1 * k) for k in range(12)], extra.__getitem__, None)
+        backend.finish()
+        assert len(backend.view().planes) == kept

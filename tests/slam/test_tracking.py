@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
-from synthetic import ELEVATIONS, LIDAR_HEIGHT, base_pose, box_planes, scan_box
+from synthetic import ELEVATIONS, base_pose, box_planes, scan_box
 
 from slam.core import Scan, inverse, pose, so3_exp, so3_log, transform_plane, transform_points
 from slam.extraction import ExtractionConfig, extract_planes
 from slam.tracking import PlaneTracker
 
 BOX = box_planes(6.0, 4.0, 2.7)
-T_BASE_LIDAR = pose(np.eye(3), np.array([0.0, 0.0, LIDAR_HEIGHT]))
+T_BASE_LIDAR = pose(np.eye(3), np.array([0.0, 0.0, 0.5]))
 
 
 def driven(count):

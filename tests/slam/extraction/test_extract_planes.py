@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from synthetic import base_pose, box_planes, in_base, scan_box
+from synthetic import base_pose, box_planes, in_base, scan_box, scan_walls
 
 from slam.core import inverse, plane_axes, transform_plane
 from slam.extraction import ExtractionConfig, extract_planes
@@ -95,21 +93,60 @@ def test_noise_without_structure_gives_no_wall():
     assert [o for o in observations if abs(o.normal[2]) < 0.7] == []
 
 
-@pytest.mark.parametrize("recess", [0.08, 0.10, 0.15])
-def test_two_walls_one_a_little_behind_the_other_are_two_planes(recess):
-    where = base_pose(4.0, 2.0, 0.0)
-    near, far = (
-        scan_box(
-            [*box_planes(8.0, 5.0, 2.7)[:2], (np.array([0.0, 1.0, 0.0]), depth)],
-            where,
-            np.random.default_rng(1),
-        )
-        for depth in (0.0, recess)
-    )
-    left = near.points[:, 0] < 0.0
-    scan = replace(near, points=np.where(left[:, None], near.points, far.points))
-    scan = replace(scan, points=np.where(np.isfinite(scan.points), scan.points, np.nan))
+ROOM = [((-4.0, 3.0), (4.0, 3.0)), ((-4.0, 3.0), (-4.0, -2.5)), ((4.0, 3.0), (4.0, -2.5))]
+BEHIND = ((-9.0, -6.0), (9.0, -6.0))
+
+
+@pytest.mark.parametrize("step", [0.05, 0.07, 0.10, 0.15])
+@pytest.mark.parametrize("hole", [0.0, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_two_walls_one_a_little_behind_the_other_are_two_planes(step, hole, seed):
+    """Side by side, or with a doorway between them: never one plane that slants across both."""
+    rng = np.random.default_rng(seed)
+    near = ((-4.0, -2.0), (-0.5 * hole, -2.0))
+    far = ((0.5 * hole, -2.0 - step), (4.0, -2.0 - step))
+    T = base_pose(rng.uniform(-2.0, 2.0), rng.uniform(-0.5, 1.5), rng.uniform(-3.0, 3.0))
+    scan, wall = scan_walls([near, far, *ROOM, BEHIND], T, rng)
     origin = scan.T_base_lidar[:3, 3]
     found = extract_planes(in_base(scan), scan.ring, origin, ExtractionConfig())
-    south = [plane for plane in found if plane.normal[1] > 0.9]
-    assert sorted(round(float(plane.d), 2) for plane in south) == [2.0, round(2.0 + recess, 2)]
+    seen = set()
+    for plane in found:
+        counts = np.bincount(wall[plane.point_index] + 1, minlength=6)
+        assert counts.max() > 0.95 * counts.sum()
+        true = int(counts.argmax()) - 1
+        if true in (0, 1):
+            normal, d = transform_plane(T, plane.normal, plane.d)
+            assert np.degrees(np.arctan2(*normal[:2])) == pytest.approx(0.0, abs=0.4)
+            assert d == pytest.approx(2.0 + step * true, abs=0.012)
+            assert true not in seen
+            seen.add(true)
+    assert seen == {0, 1}
+
+
+def test_a_wall_over_another_is_two_planes():
+    """The lower beams meet a wall, the upper ones over it another one, a little behind."""
+    T = base_pose(0.0, 1.0, 0.3)
+    south = ((-4.0, -2.0), (4.0, -2.0)), ((-4.0, -2.1), (4.0, -2.1))
+    scans = [scan_walls([wall, *ROOM], T, np.random.default_rng(5)) for wall in south]
+    upper = scans[0][0].ring > 8
+    points = np.where(upper[:, None], in_base(scans[1][0]), in_base(scans[0][0]))
+    found = extract_planes(points, scans[0][0].ring, np.array([0, 0, 0.5]), ExtractionConfig())
+    distances = []
+    for plane in found:
+        normal, d = transform_plane(T, plane.normal, plane.d)
+        if normal[1] > 0.9:
+            assert abs(np.degrees(normal[2])) < 1.0
+            distances.append(d)
+    assert sorted(distances) == pytest.approx([2.0, 2.1], abs=0.02)
+
+
+def test_one_wall_of_many_bodies_is_one_plane():
+    """Built a centimetre out of line, and turned by a fraction of a degree."""
+    rng = np.random.default_rng(0)
+    ends = np.linspace(-4.0, 4.0, 5)
+    off = rng.normal(-2.0, 0.005, (4, 2))
+    bodies = [((a, y), (b, z)) for a, b, (y, z) in zip(ends[:-1], ends[1:], off, strict=True)]
+    scan, wall = scan_walls([*bodies, *ROOM], base_pose(1.0, 1.0, 0.5), rng)
+    origin = scan.T_base_lidar[:3, 3]
+    found = extract_planes(in_base(scan), scan.ring, origin, ExtractionConfig())
+    assert sum(np.isin(wall[plane.point_index], range(4)).mean() > 0.5 for plane in found) == 1
