@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from eval.score_consistency import Consistency
 from eval.score_failures import Failures
 from eval.scores import Scores
 from slam.core import Array
@@ -130,6 +131,7 @@ class RunFacts:
     startup_s: float | None = None
     wall_s: float | None = None
     loops: Loops = Loops()
+    consistency: Consistency = Consistency()
     stages: Stages = Stages()
     peak_rss_mb: float | None = None
 
@@ -178,6 +180,7 @@ class Metrics:
     walls: Walls
     failures: Failures
     loops: Loops
+    consistency: Consistency
     first_room_s: float | None
     room_latency_s: Latency
     stages: Stages
@@ -245,6 +248,7 @@ def assemble(facts: RunFacts, scores: Scores) -> Metrics:
         ),
         failures=scores.failures,
         loops=facts.loops,
+        consistency=facts.consistency,
         first_room_s=time.first_room_s,
         room_latency_s=Latency(time.latency_median_s, time.latency_p95_s),
         stages=facts.stages,

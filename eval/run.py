@@ -23,6 +23,7 @@ from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.report.run import write_report
 from eval.scenegraph import scene_graph
+from eval.score_consistency import score_consistency
 from eval.score_loops import score_loops
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, graph_truth, score_run
@@ -230,6 +231,9 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(backend.stamps()[-1]) - parts.keeper.start
     facts = replace(facts, simulated_s=simulated_s, loops=_loops(parts))
+    if facts.status != "failed":
+        consistency = score_consistency(record, scores.planes.votes, backend.graph())
+        facts = replace(facts, consistency=consistency)
     metrics = assemble(facts, scores)
     write_tum(record.estimate, folder / "trajectory.tum")
     write_tum(record.odometry, folder / "odometry.tum")

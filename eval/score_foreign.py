@@ -12,6 +12,7 @@ from eval.config import RunConfig
 from eval.foreign import ForeignRoom, thinned
 from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, Walls
 from eval.names import refuse
+from eval.score_consistency import Consistency
 from eval.score_failures import Failures
 from eval.score_map import VOXEL, SurfaceDistance
 from eval.score_rooms import RoomScore, score_rooms
@@ -65,7 +66,7 @@ def _nothing(config: RunConfig, conditions: str) -> Metrics:
     """Metrics of which nothing is scored yet."""
     values: dict[str, object] = {item.name: None for item in fields(Metrics)}
     values |= {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
-    values |= {"failures": Failures()}
+    values |= {"failures": Failures(), "consistency": Consistency()}
     values |= {"room_latency_s": Latency(), "stages": Stages(), "versions": {}}
     values |= {"schema": SCHEMA, "status": "complete", "scene": config.scene, "seed": config.seed}
     values |= {"scene_sha256": scene_sha256(config.scene), "sensor": config.sensor}

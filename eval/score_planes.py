@@ -160,6 +160,18 @@ def samples_on_plane(plane: MapPlane) -> Array:
     return points - np.outer(points @ plane.normal + plane.d, plane.normal)
 
 
+def feet_on_faces(points: Array, faces: Sequence[Face]) -> Array:
+    """(S, 3) where points (S, 3), world, would lie on the stretch of face beside which each is."""
+    parts = [(part, face) for face in faces for part in face.parts]
+    nearest = np.array([_beyond(points, part) for part, _ in parts]).argmin(axis=0)
+    feet = points.copy()
+    for place in np.unique(nearest):
+        part, face = parts[place]
+        on = nearest == place
+        feet[on] -= np.outer(_across(points[on], part, face), face.normal)
+    return feet
+
+
 def plane_errors(plane: MapPlane, faces: Sequence[Face], T_world_map: Array) -> Array:
     """(S,) distances of a plane's samples to the stretch of true face beside which each lies.
 

@@ -152,6 +152,11 @@ def summary_table(metrics: Metrics) -> Table:
         ("map", f"MMA {_cm(m.mma_m)} (sensor alone {_cm(m.mma_floor_m)})"),
         ("planes", f"RMSE {_cm(m.plane_rmse_m)}"),
         (
+            "covariances",
+            f"NEES of keyframes {number(m.consistency.keyframes.mean, '{:.2f}')}, "
+            f"of planes {number(m.consistency.planes.mean, '{:.2f}')} (1: honest)",
+        ),
+        (
             "first room",
             f"after {number(m.first_room_s, '{:.1f} s')}; "
             f"each: median {number(m.room_latency_s.median, '{:.1f} s')}",

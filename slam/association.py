@@ -30,7 +30,8 @@ class AssociationConfig:
     driven since the plane was seen.
 
     merge_chi2, merge_angle, merge_distance: two mapped planes closer than this are one, once the
-    distance between them is known to merge_sigma [m].
+    distance between them is known to merge_sigma [m]. shadow_angle, shadow_distance: closer than
+    this to another plane, one that was seen only once is that one's shadow.
     """
 
     chi2: float = 9.0
@@ -49,6 +50,8 @@ class AssociationConfig:
     merge_angle: float = np.radians(2.5)
     merge_distance: float = 0.06
     merge_sigma: float = 0.012
+    shadow_angle: float = np.radians(5.0)
+    shadow_distance: float = 0.12
 
 
 class PlaneBelief:

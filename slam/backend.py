@@ -10,6 +10,7 @@ from typing import overload
 
 import numpy as np
 
+from slam.concepts import RoomNode, WallNode
 from slam.core import (
     Array,
     Frame,
@@ -27,7 +28,7 @@ from slam.core import (
     transform_plane,
     transform_points,
 )
-from slam.graph import GraphConfig, LayeredGraph, RoomNode, WallNode
+from slam.graph import GraphConfig, LayeredGraph
 from slam.loops import Loop, LoopCloser, LoopConfig
 from slam.planemap import Observed, PlaneMap, PlaneMapConfig
 from slam.relations import Relation, RelationConfig, Thicknesses, room_relations

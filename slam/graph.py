@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import cast
 
 import gtsam
 import numpy as np
 
 from slam.charts import Chart
+from slam.concepts import FLOOR, ROOM, WALL, ConceptConfig, Concepts, RoomNode, WallNode
 from slam.core import Array, PlaneObservation, RunError, plane_axes
 from slam.estimates import Estimates
 from slam.factors import (
@@ -16,14 +18,13 @@ from slam.factors import (
     keyframe_plane_factor,
     parallel_factor,
     perpendicular_factor,
-    room_factor,
     thickness_factor,
-    wall_factor,
 )
 from slam.loops import Loop
 from slam.relations import Relation, RelationConfig
+from slam.solver import Solver, failures
 
-KEYFRAME, PLANE, WALL, ROOM, FLOOR, THICKNESS = "x", "p", "w", "r", "f", "t"
+KEYFRAME, PLANE, THICKNESS = "x", "p", "t"
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class GraphConfig:
 
     odometry_*: of KISS-ICP per keyframe step of about half a metre; the level directions drift less
     than height and tilt, which 16 beams hardly see. anchor_*: the first keyframe defines the map.
-    room_sigma, wall_sigma, floor_sigma: of the published concept factors, whose information the
-    paper's code sets by hand (0.1, 10 and 1e-4). recent: keyframes whose estimates are read after
+    robust: an observation of a plane that is off by more standard deviations counts less (Huber),
+    such as of a sweep whose motion was wrong. recent: keyframes whose estimates are read after
     every update; shift [m]: change of the oldest of them that has everything read; share: of the
     keyframes, after which everything is read anyway. batch: the solver's bookkeeping takes time in
     proportion to the map, so beyond this many variables it is asked every second keyframe, beyond
@@ -43,31 +44,34 @@ class GraphConfig:
     odometry_rotation: tuple[float, float, float] = (0.012, 0.012, 0.012)
     odometry_translation: tuple[float, float, float] = (0.035, 0.035, 0.035)
     anchor_sigma: float = 1e-4
+    robust: float = 2.0
     relinearize: float = 0.005
-    room_sigma: float = 3.16
-    wall_sigma: float = 0.316
-    floor_sigma: float = 100.0
     recent: int = 12
     shift: float = 0.01
     share: float = 0.1
     batch: int = 500
+    concepts: ConceptConfig = field(default_factory=ConceptConfig)
 
 
 @dataclass(frozen=True)
-class RoomNode:
-    """A room to enter the graph: plane ids, the opposed pairs among them, and its centre (3,)."""
+class ChiSquare:
+    """Of all factors of one type: how many residuals, and the sum of their squares, each over its
+    variance."""
 
-    planes: tuple[int, ...]
-    pairs: tuple[tuple[int, int], ...]
-    centre: Array
+    residuals: int
+    chi2: float
 
 
-@dataclass(frozen=True)
-class WallNode:
-    """A wall to enter the graph: its two plane ids and its middle (3,)."""
-
-    planes: tuple[int, int]
-    centre: Array
+KINDS = {
+    "odometry": "odometry",
+    "plane": "planes",
+    "loop": "loops",
+    ROOM: "rooms",
+    WALL: "walls",
+    FLOOR: "floors",
+    "floor": "floors",
+}
+"""Types of factors, by the first part of their names; relations tell theirs themselves."""
 
 
 class LayeredGraph:
@@ -78,19 +82,9 @@ class LayeredGraph:
     """
 
     def __init__(self, config: GraphConfig = GraphConfig()):
-        parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(config.relinearize)
-        parameters.relinearizeSkip = 1
-        parameters.setFactorization("QR")
         self._config = config
-        self._isam = gtsam.ISAM2(parameters)
-        self._pending: list[tuple[Hashable, gtsam.NonlinearFactor]] = []
-        self._values = gtsam.Values()
-        self._removals: list[int] = []
-        self._index: dict[Hashable, int] = {}
-        self._concepts: dict[str, dict[int, RoomNode | WallNode]] = {ROOM: {}, WALL: {}}
-        self._variables: dict[tuple[str, int], int] = {}
-        self._next_variable = 0
+        self._solver = Solver(config.relinearize)
+        self._concepts = Concepts(self._solver, self._plane, config.concepts)
         self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
@@ -103,7 +97,7 @@ class LayeredGraph:
     def add_keyframe(self, keyframe: int, T_map_base: Array, T_previous: Array | None) -> None:
         """A keyframe at ``T_map_base``. T_previous: from the last one by odometry (first: None)."""
         key = gtsam.symbol(KEYFRAME, keyframe)
-        self._values.insert(key, gtsam.Pose3(T_map_base))
+        self._solver.insert(key, gtsam.Pose3(T_map_base))
         if T_previous is None:
             noise = gtsam.noiseModel.Isotropic.Sigma(6, self._config.anchor_sigma)
             factor: gtsam.NonlinearFactor = gtsam.PriorFactorPose3(
@@ -113,7 +107,7 @@ class LayeredGraph:
             factor = gtsam.BetweenFactorPose3(
                 gtsam.symbol(KEYFRAME, keyframe - 1), key, gtsam.Pose3(T_previous), self._odometry()
             )
-        self._pending.append((("odometry", keyframe), factor))
+        self._solver.add(("odometry", keyframe), factor)
         self._recent = [*self._recent[1 - self._config.recent :], set()]
         self.estimates.add_keyframe(T_map_base)
 
@@ -127,7 +121,7 @@ class LayeredGraph:
         ``optimise``. Raises InputError for a plane without a direction."""
         foot = place - (normal @ place + d) * normal
         plane = self.estimates.add_plane(Chart.at(foot, normal))
-        self._values.insert(gtsam.symbol(PLANE, plane), np.zeros(3))
+        self._solver.insert(gtsam.symbol(PLANE, plane), np.zeros(3))
         return plane
 
     def _plane(self, plane: int) -> PlaneKey:
@@ -137,26 +131,22 @@ class LayeredGraph:
     def observe(self, keyframe: int, plane: int, observation: PlaneObservation, place: int) -> None:
         """Observation number ``place`` of a keyframe is of ``plane``."""
         key = gtsam.symbol(KEYFRAME, keyframe)
-        factor = keyframe_plane_factor(key, self._plane(plane), observation)
-        self._pending.append((("plane", keyframe, place), factor))
+        said = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._config.robust)
+        noise = gtsam.noiseModel.Robust.Create(huber, said)
+        factor = keyframe_plane_factor(key, self._plane(plane), observation, noise)
+        self._solver.add(("plane", keyframe, place), factor)
 
     def reassign(
         self, keyframe: int, plane: int, observation: PlaneObservation, place: int
     ) -> None:
         """The observation is of another plane than was thought."""
-        self._remove(("plane", keyframe, place))
+        self._solver.remove(("plane", keyframe, place))
         self.observe(keyframe, plane, observation, place)
 
     def forget(self, keyframe: int, place: int) -> None:
         """The observation is of nothing."""
-        self._remove(("plane", keyframe, place))
-
-    def _remove(self, name: Hashable) -> None:
-        """Takes a factor out, whether the solver has it already or not."""
-        if name in self._index:
-            self._removals.append(self._index.pop(name))
-        else:
-            self._pending = [(other, factor) for other, factor in self._pending if other != name]
+        self._solver.remove(("plane", keyframe, place))
 
     def close_loop(self, loop: Loop, rotation: float, translation: float) -> None:
         """A later keyframe was found to be where an earlier one was. rotation [rad], translation
@@ -166,74 +156,21 @@ class LayeredGraph:
         earlier, later = (gtsam.symbol(KEYFRAME, k) for k in (loop.earlier, loop.later))
         T = gtsam.Pose3(loop.T_earlier_later)
         factor = gtsam.BetweenFactorPose3(earlier, later, T, noise)
-        self._pending.append((("loop", loop.earlier, loop.later), factor))
+        self._solver.add(("loop", loop.earlier, loop.later), factor)
 
-    # --- concepts ---
+    # --- rooms and walls ---
 
     def set_concepts(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
         """Makes the graph hold exactly these rooms and walls: adds, rewires and removes."""
-        self._replace(ROOM, dict(rooms))
-        self._replace(WALL, dict(walls))
+        self._concepts.hold(rooms, walls)
 
-    def forget_concepts_of(self, planes: set[int]) -> None:
-        """Removes the rooms and walls that rest on any of these planes."""
-        for layer, held in self._concepts.items():
-            for name in [name for name, node in held.items() if planes & set(node.planes)]:
-                self._remove_concept(layer, name)
+    def concept_planes(self, layer: str) -> dict[int, Sequence[int]]:
+        """Plane ids of each room or wall in the graph."""
+        return self._concepts.planes(layer)
 
-    def _replace(self, layer: str, nodes: dict[int, RoomNode | WallNode]) -> None:
-        held = self._concepts[layer]
-        for name in [name for name in held if name not in nodes]:
-            self._remove_concept(layer, name)
-        for name, node in nodes.items():
-            if name in held and held[name].planes == node.planes:
-                continue
-            known = name in held
-            if known:
-                self._remove((layer, name))
-            self._add_concept(layer, name, node, known)
-
-    def _remove_concept(self, layer: str, name: int) -> None:
-        self._remove((layer, name))
-        if layer == ROOM:
-            self._remove((FLOOR, name))
-        key = self._variables.pop((layer, name))
-        if self._values.exists(key):
-            self._values.erase(key)
-        del self._concepts[layer][name]
-
-    def _add_concept(self, layer: str, name: int, node: RoomNode | WallNode, known: bool) -> None:
-        if not known:  # a new variable: one that is given up stays in the solver until its update
-            self._variables[layer, name] = gtsam.symbol(layer, self._next_variable)
-            self._next_variable += 1
-        key = self._variables[layer, name]
-        planes = [self._plane(plane) for plane in node.planes]
-        if isinstance(node, RoomNode):
-            noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.room_sigma)
-            factor = room_factor(key, planes, node.pairs, node.centre, noise)
-            if not known:
-                self._values.insert(key, node.centre[:2])
-                self._join_floor(name, key, node.centre)
-        else:
-            noise = gtsam.noiseModel.Isotropic.Sigma(3, self._config.wall_sigma)
-            factor = wall_factor(key, planes, node.centre, noise)
-            if not known:
-                self._values.insert(key, node.centre)
-        self._pending.append(((layer, name), factor))
-        self._concepts[layer][name] = node
-
-    def _join_floor(self, room: int, key: int, centre: Array) -> None:
-        """The floor node is tied to its rooms by their relative position when found (S-Graphs+)."""
-        floor_key = gtsam.symbol(FLOOR, 0)
-        floor = self.floor()
-        if floor is None:
-            floor = centre[:2]
-            self._values.insert(floor_key, floor)
-            weak = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-            self._pending.append((("floor", 0), gtsam.PriorFactorPoint2(floor_key, floor, weak)))
-        noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-        factor = gtsam.BetweenFactorPoint2(floor_key, key, centre[:2] - floor, noise)
-        self._pending.append(((FLOOR, room), factor))
+    def floor(self) -> Array | None:
+        """The floor node's place (2,), once there is a room."""
+        return self._concepts.floor()
 
     # --- relations ---
 
@@ -241,9 +178,9 @@ class LayeredGraph:
         """Makes the graph hold exactly these relations between planes."""
         wanted = set(relations)
         for relation in self._relations - wanted:
-            self._remove(relation)
+            self._solver.remove(relation)
         for relation in sorted(wanted - self._relations, key=lambda r: (r.kind, r.planes)):
-            self._pending.append((relation, self._relation_factor(relation, config)))
+            self._solver.add(relation, self._relation_factor(relation, config))
         self._relations = wanted
 
     @property
@@ -254,15 +191,15 @@ class LayeredGraph:
     def _forget_relations_of(self, plane: int) -> None:
         gone = {relation for relation in self._relations if plane in relation.planes}
         for relation in gone:
-            self._remove(relation)
+            self._solver.remove(relation)
         self._relations -= gone
 
     def _relation_factor(self, relation: Relation, config: RelationConfig) -> gtsam.NonlinearFactor:
         first, second = (self._plane(plane) for plane in relation.planes)
         if relation.kind == "thickness":
             key = gtsam.symbol(THICKNESS, relation.group)
-            if not (self._isam.valueExists(key) or self._values.exists(key)):
-                self._values.insert(key, relation.value)
+            if not self._solver.holds(key):
+                self._solver.insert(key, relation.value)
             noise = _robust(1, config.spread)
             return thickness_factor(first, second, key, relation.point, noise)
         if relation.kind == "perpendicular":
@@ -285,21 +222,9 @@ class LayeredGraph:
         if not whole and self._waiting <= variables // self._config.batch:
             return
         self._waiting = 0
-        factors = gtsam.NonlinearFactorGraph()
-        for _, factor in self._pending:
-            factors.add(factor)
-        try:
-            result = self._isam.update(factors, self._values, self._removals)
-            for _ in range(extra_iterations):
-                self._isam.update()
+        self._solver.update(extra_iterations)
+        with failures():
             self._read(whole)
-        except (RuntimeError, IndexError) as error:
-            reason = str(error).strip().splitlines()[0]
-            raise RunError(f"the graph could not be optimised: {reason}") from error
-        for (name, _), index in zip(self._pending, result.getNewFactorsIndices(), strict=True):
-            self._index[name] = int(index)
-        self._pending, self._removals = [], []
-        self._values = gtsam.Values()
 
     def _read(self, whole: bool) -> None:
         """Brings the estimates up to date, at least those of what is near."""
@@ -313,22 +238,21 @@ class LayeredGraph:
             return
         before = self.estimates.poses[first, :3, 3].copy()
         for keyframe in range(first, count):
-            pose = self._isam.calculateEstimatePose3(gtsam.symbol(KEYFRAME, keyframe))
-            self.estimates.poses[keyframe] = pose.matrix()
+            self.estimates.poses[keyframe] = self._solver.pose(gtsam.symbol(KEYFRAME, keyframe))
         for plane in set().union(*self._recent):
             if self.estimates.alive[plane]:
-                x = self._isam.calculateEstimatePoint3(gtsam.symbol(PLANE, plane))
+                x = self._solver.point3(gtsam.symbol(PLANE, plane))
                 self.estimates.set_plane(plane, x)
         after = self.estimates.poses[first, :3, 3]
         if float(np.abs(after - before).max(initial=0.0)) > self._config.shift:
             self._read_all()
 
     def _read_all(self) -> None:
-        values = self._isam.calculateEstimate()
+        values = self._solver.values()
         rows = gtsam.utilities.extractPose3(values)
         rotations = rows[:, :9].reshape(-1, 3, 3)
         if not np.isfinite(rows).all():
-            raise RuntimeError("an estimate is not finite")
+            raise RunError("the graph could not be optimised: an estimate is not finite")
         self.estimates.poses[:, :3, :3] = rotations
         self.estimates.poses[:, :3, 3] = rows[:, 9:]
         for plane in np.flatnonzero(self.estimates.alive):
@@ -338,29 +262,35 @@ class LayeredGraph:
     def drop_plane(self, plane: int) -> None:
         """A plane whose observations have all been removed or reassigned, and the rooms and walls
         that rest on it."""
-        self.forget_concepts_of({plane})
+        self._concepts.forget_those_of({plane})
         self._forget_relations_of(plane)
         self.estimates.alive[plane] = False
-        key = gtsam.symbol(PLANE, plane)
-        if self._values.exists(key):
-            self._values.erase(key)
+        self._solver.withdraw(gtsam.symbol(PLANE, plane))
 
-    def floor(self) -> Array | None:
-        """The floor node's place (2,), once there is a room."""
-        key = gtsam.symbol(FLOOR, 0)
-        if self._values.exists(key):
-            return np.array(self._values.atPoint2(key))
-        if self._isam.valueExists(key):
-            return np.array(self._isam.calculateEstimatePoint2(key))
-        return None
+    # --- how sure it is ---
 
-    def concept_planes(self, layer: str) -> dict[int, Sequence[int]]:
-        """Plane ids of each room or wall in the graph."""
-        return {name: node.planes for name, node in self._concepts[layer].items()}
+    def keyframe_covariance(self, keyframe: int) -> Array:
+        """(6, 6) of a keyframe's pose, turn [rad] then shift [m], in its own axes."""
+        return self._solver.covariance(gtsam.symbol(KEYFRAME, keyframe))
+
+    def plane_covariance(self, plane: int) -> Array:
+        """(3, 3) of a plane's coordinates in its chart."""
+        return self._solver.covariance(gtsam.symbol(PLANE, plane))
+
+    def chi_squares(self) -> dict[str, ChiSquare]:
+        """By type of factor, at the last estimate; of a robust one what it makes of it."""
+        values = self._solver.values()
+        sums: dict[str, list[float]] = {}
+        for name, factor in self._solver.factors():
+            kind = name.kind if isinstance(name, Relation) else KINDS[cast(tuple, name)[0]]
+            total = sums.setdefault(kind, [0, 0.0])
+            total[0] += factor.dim()
+            total[1] += 2.0 * factor.error(values)
+        return {kind: ChiSquare(int(count), chi2) for kind, (count, chi2) in sums.items()}
 
     def variable_count(self) -> int:
         """How many variables the solver holds."""
-        return int(self._isam.getLinearizationPoint().size())
+        return self._solver.variable_count()
 
 
 def _robust(size: int, sigma: float) -> gtsam.noiseModel.Base:

@@ -36,7 +36,7 @@ from slam.estimates import Estimates
 class PlaneMapConfig:
     """voxel [m]: of the points that are kept, and coarse_voxel of those that a detector is shown;
     doubt: keyframes after which a plane that was seen only once is dropped, if it has fewer points
-    than doubt_points (a diagonal across a corner, the edge of a door);
+    than doubt_points (a diagonal across a corner, the edge of a door) or is another's shadow;
     grown: a floor or ceiling, which has no end, is shown again when it has grown by this share;
     plane_moved [rad, m]: change of a plane, and pose_moved [m] of a keyframe, that others are told
     of."""
@@ -321,8 +321,26 @@ class PlaneMap:
 
     def _is_doubtful(self, plane: int) -> bool:
         support = self._support[plane]
+        if len(support.observed) > 1:
+            return False
         points = sum(len(chunk.ids) for chunk in support.chunks)
-        return len(support.observed) == 1 and points < self._config.doubt_points
+        return points < self._config.doubt_points or self._is_shadow(plane)
+
+    def _is_shadow(self, plane: int) -> bool:
+        """Does it lie along a plane that was seen more often, hardly apart, as what a sweep sees
+        of it whose motion was wrong?"""
+        config = self._config.association
+        normal, points = self._estimates.plane(plane)[0], self._views[plane].points
+        centroid = points.mean(axis=0)
+        for other in self._near(normal, centroid).tolist():
+            support, chart = self._support[other], self._estimates.chart(other)
+            off = difference(chart, self._estimates.plane(other), normal, centroid)
+            near = np.hypot(off[0], off[1]) < config.shadow_angle
+            near &= abs(off[2]) < config.shadow_distance
+            beside = support.stretches.gap(chart.place(points)[:, 0]) == 0.0
+            if len(support.observed) > 1 and near and beside:
+                return True
+        return False
 
     def drop(self, plane: int) -> Observed:
         """Forgets a plane that was observed once; returns the observation."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from eval.config import RunConfig
 from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, Walls
+from eval.score_consistency import Consistency
 from eval.score_failures import Failures
 from eval.sweep.work import FailedRun
 
@@ -19,7 +20,7 @@ def metrics(**known: object) -> Metrics:
     """Metrics of which only some are known."""
     values: dict[str, object] = {item.name: None for item in fields(Metrics)}
     groups = {"planes": Planes(), "rooms": Rooms(), "walls": Walls(), "loops": Loops()}
-    groups["failures"] = Failures()
+    groups |= {"failures": Failures(), "consistency": Consistency()}
     timing = {"room_latency_s": Latency(), "stages": Stages(), "status": "complete"}
     return Metrics(**(values | groups | timing | known))  # type: ignore[arg-type]
 

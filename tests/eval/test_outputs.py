@@ -32,6 +32,7 @@ from eval.outputs import (
     write_ply,
     write_tum,
 )
+from eval.score_consistency import ChiSquares, Consistency, Nees
 from eval.score_failures import Failures
 from eval.trajectory import Trajectory
 from slam.core import InputError, pose, so3_exp
@@ -85,6 +86,7 @@ def metrics() -> Metrics:
             "walls": Walls(),
             "failures": Failures(missed_edges=2),
             "loops": Loops(1, 2, 3),
+            "consistency": Consistency(Nees(1.5, 0.9), chi2=ChiSquares(odometry=0.5)),
             "room_latency_s": Latency(0.5, None),
             "stages": Stages(time, time, time, time),
         }

@@ -279,7 +279,7 @@ def test_a_failed_optimisation_says_so_and_keeps_the_last_estimate(frames, monke
     made, _ = frames
     backend = run(made[:20])
     before = backend.trajectory()
-    monkeypatch.setattr(backend.graph(), "_isam", Unsolvable())
+    monkeypatch.setattr(backend.graph()._solver, "_isam", Unsolvable())
     with pytest.raises(RunError, match=r"could not be optimised: Indeterminate .* x7"):
         backend.optimise(whole=True)
     backend.finish()

@@ -154,7 +154,8 @@ def test_what_is_no_plane_is_left_out(fault):
 
 def test_what_only_the_last_keyframe_saw_is_kept():
     """Nobody had the chance to see it again; what an earlier one saw once, the others had."""
-    little = patch(Y, [0, -2, 1], 0.8, 0.3)[0], patch(Y, [0, -2, 1], 0.8, 0.3)[1][::10]
+    normal, points = patch(Y, [0, -2, 1], 0.8, 0.3)
+    little = normal, points[::10]
     for seen_at, kept in ((0, 4), (11, 5)):
         backend = BackEnd()
         walls = [patch(Y, [0, -3, 1], 6), *ROOM[1:]]
@@ -162,3 +163,13 @@ def test_what_only_the_last_keyframe_saw_is_kept():
         drive(backend, [at(0.1 * k) for k in range(12)], extra.__getitem__, None)
         backend.finish()
         assert len(backend.view().planes) == kept
+
+
+def test_a_plane_seen_once_beside_one_that_was_seen_often_is_its_shadow():
+    """As of a sweep whose motion was wrong. One that stands off by more is a plane of its own."""
+    for off, planes in ((0.08, 4), (0.20, 5)):
+        wall, strange = patch(Y, [0, -2, 1], 6), patch(Y, [0, off - 2, 1], 4)
+        backend = BackEnd()
+        seen = [[*ROOM[1:], strange if k == 5 else wall] for k in range(20)]
+        drive(backend, [at(0.05 * k) for k in range(20)], seen.__getitem__, None)
+        assert len(backend.view().planes) == planes
