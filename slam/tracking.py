@@ -197,7 +197,7 @@ class PlaneTracker:
             lever = points - end[:3, 3:]
             information, right = self._seen(lever[:, used], which, distance, elapsed[used])
             right -= self._expected(start, end, T_last, steady, T_odom)
-            step = np.linalg.solve(self._prior + information, right)
+            step = np.asarray(np.linalg.solve(self._prior + information, right), np.float64)
             start, end = _moved(start, end, step)
             # To first order, as the equations have it: a step turns by a fraction of a degree.
             twist = step[:6, None] + elapsed * (step[6:] - step[:6])[:, None]
