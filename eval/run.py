@@ -21,6 +21,7 @@ from eval.labels import TruthKeeper
 from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
+from eval.registered import RegisteredAhead
 from eval.report.run import write_report
 from eval.scenegraph import scene_graph
 from eval.score_consistency import score_consistency
@@ -123,6 +124,8 @@ def run(
         failure = stopped
     wall_s = time.perf_counter() - started
     parts.sink.finished()
+    if not len(parts.backend.stamps()):
+        raise failure or RunError("no sweep had a single return")
     facts = replace(_facts(config, parts.place, failure), stages=clock.stages())
     if not parts.replay:
         facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
@@ -168,6 +171,8 @@ def _front_end(
         return replay, replay.duration, True
     odometry = make_odometry(config.odometry)
     source = place.source()
+    if isinstance(source, RegisteredAhead):
+        odometry = source
     steps = live_steps(source, FrontEnd(odometry), keeper, truth_filter)
     return (steps if path is None else recorded(steps, path)), source.duration, False
 

@@ -13,11 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from eval.config import RunConfig
+from eval.detectors import make_odometry
 from eval.recordings import RecordingOptions, is_recording, open_recording
 from eval.recordings.drive import RecordedDrive
 from eval.recordings.labels import LabelsFile
+from eval.registered import RegisteredAhead
 from eval.steps import Source
-from sim.ahead import Ahead
+from sim.ahead import Ahead, Pair
 from sim.drive import Drive
 from sim.route import RouteConfig, named_route, plan_route
 from sim.sensorfile import sensor_named
@@ -73,7 +75,7 @@ def make_place(config: RunConfig) -> Place:
         simulated=True,
         sha256=scene_sha256(config.scene),
         conditions=config.conditions or world.plan.conditions,
-        source=lambda: make_source(config, world),
+        source=lambda: make_source(config, world, registered=True),
     )
 
 
@@ -93,15 +95,20 @@ def make_world(config: RunConfig) -> World:
     return build_world(plan, seeds(config)[0], conditions, storey)
 
 
-def make_source(config: RunConfig, world: World) -> Source:
+def make_source(config: RunConfig, world: World, registered: bool = False) -> Source:
     """The drive of a run; a long one is simulated ahead in a process of its own, where there is a
-    core for it: that first has to start and to build the world again. Raises InputError."""
+    core for it: that first has to start and to build the world again. registered: and its scans are
+    registered there. Raises InputError."""
     drive = make_drive(config, world)
     if drive.route.unreachable:
         _log.warning("%s: no way leads to %s", config.scene, ", ".join(drive.route.unreachable))
     if drive.duration < AHEAD_FROM or thread_limit(2) < 2:
         return drive
-    return Ahead(partial(_drive_alone, config), drive.duration)
+    there = partial(_drive_alone, config)
+    if registered:
+        return RegisteredAhead(there, partial(make_odometry, config.odometry), drive.duration)
+    ahead: Ahead[Pair] = Ahead(there, drive.duration)
+    return ahead
 
 
 def _drive_alone(config: RunConfig) -> Drive:

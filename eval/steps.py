@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -10,11 +11,14 @@ from typing import Protocol
 import numpy as np
 
 from eval.labels import TruthKeeper, TruthStep
+from eval.registered import RegisteredAhead
 from sim.truth import ScanTruth
 from slam.core import Frame, IntArray, Scan
 from slam.frontend import FrontEnd
 
 TruthFilter = Callable[[ScanTruth], ScanTruth]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -43,20 +47,29 @@ def live_steps(
     truth_filter: TruthFilter | None = None,
 ) -> Iterator[Step]:
     """Runs the front end over scans. The keeper digests; whoever takes a step hands it over to the
-    keeper before the next. Raises what the scans and the front end raise."""
-    pairs = iter(scans)
+    keeper before the next. Sweeps without a single return are skipped, and their number is said.
+    Raises what the scans and the front end raise."""
+    pairs, empty = iter(scans), 0
     while True:
         started = time.perf_counter()
         pair = next(pairs, None)
-        lidar_s = time.perf_counter() - started
+        seconds = {"lidar": time.perf_counter() - started}
         if pair is None:
-            return
+            break
         scan, truth = pair
+        if not len(scan):
+            empty += 1
+            continue
         if truth_filter is not None:
             truth = truth_filter(truth)
         frame = frontend.process(scan)
+        seconds |= frontend.seconds
+        if isinstance(scans, RegisteredAhead):
+            seconds["odometry"] += scans.seconds
         digest = keeper.digest(scan, truth, frame.keyframe is not None, _used(frame))
-        yield Step(frame, digest, scan, {"lidar": lidar_s, **frontend.seconds})
+        yield Step(frame, digest, scan, seconds)
+    if empty:
+        _log.warning("%d sweeps without a single return skipped", empty)
 
 
 def _used(frame: Frame) -> IntArray:

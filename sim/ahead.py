@@ -17,7 +17,7 @@ import threading
 import traceback
 import weakref
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Generic, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from slam.core import InputError, RoomloopError, RunError, Scan
 
 Pair = tuple[Scan, ScanTruth]
 
+Item = TypeVar("Item")
+
 DEPTH = 4
 """Sweeps that wait at most: a keyframe takes its user as long as some plain sweeps."""
 
@@ -33,8 +35,8 @@ PIPE_BYTES = 1 << 20
 """What the system holds of a pipe where it can be asked (Linux); a sweep is one to two MB."""
 
 
-class Ahead:
-    """Iterates like the drive that ``make()`` returns, to the bit, but simulated elsewhere.
+class Ahead(Generic[Item]):
+    """Iterates like what ``make()`` returns, a drive, to the bit, but simulated elsewhere.
 
     make: what can be pickled by the name of its module (a ``functools.partial`` of a function, not
     of a lambda); duration: about how long it drives [s]. The process starts at once. It serves one
@@ -43,19 +45,19 @@ class Ahead:
     """
 
     def __init__(
-        self, make: Callable[[], Iterable[Pair]], duration: float = np.inf, depth: int = DEPTH
+        self, make: Callable[[], Iterable[Item]], duration: float = np.inf, depth: int = DEPTH
     ) -> None:
         self.duration = duration
         self._reader, process = _start(make, depth)
         self._process = process
         self._stop = weakref.finalize(self, _stop, process, self._reader)
 
-    def __iter__(self) -> Iterator[Pair]:
+    def __iter__(self) -> Iterator[Item]:
         if not self._stop.alive:
             raise InputError("a drive that runs ahead can be iterated once only")
         try:
             while (message := self._receive()) is not None:
-                yield message
+                yield message[0]
         finally:
             self._stop()
 
@@ -63,8 +65,8 @@ class Ahead:
         """Ends the process, if it is not gone yet."""
         self._stop()
 
-    def _receive(self) -> Pair | None:
-        """The next pair, None after the last. Raises what was raised over there."""
+    def _receive(self) -> tuple[Item] | None:
+        """The next item, None after the last. Raises what was raised over there."""
         try:
             what, value = pickle.load(self._reader)
         except (EOFError, pickle.UnpicklingError) as error:
@@ -72,10 +74,10 @@ class Ahead:
             raise RunError(f"the simulator's process ended with status {status}") from error
         if what == "raised":
             raise value
-        return value if what == "pair" else None
+        return (value,) if what == "item" else None
 
 
-def _start(make: Callable[[], Iterable[Pair]], depth: int) -> tuple[BinaryIO, subprocess.Popen]:
+def _start(make: Callable[[], Iterable[object]], depth: int) -> tuple[BinaryIO, subprocess.Popen]:
     """The process, and the end of the pipe to read from."""
     recipe = pickle.dumps((make, depth))
     read, write = os.pipe()
@@ -114,14 +116,14 @@ def _stop(process: subprocess.Popen, reader: BinaryIO) -> None:
 
 
 def serve(pipe: int) -> None:
-    """The other process: drives, and writes each pair to the pipe, ``depth`` of them ahead."""
+    """The other process: drives, and writes each item to the pipe, ``depth`` of them ahead."""
     make, depth = pickle.load(sys.stdin.buffer)
     waiting: queue.Queue[tuple[str, Any]] = queue.Queue(maxsize=depth)
     writer = threading.Thread(target=_write, args=(pipe, waiting))
     writer.start()
     try:
-        for pair in make():
-            waiting.put(("pair", pair))
+        for item in make():
+            waiting.put(("item", item))
         waiting.put(("end", None))
     except BaseException as error:
         waiting.put(("raised", _sendable(error)))
@@ -132,8 +134,8 @@ def _write(pipe: int, waiting: queue.Queue[tuple[str, Any]]) -> None:
     """Writes what is put there, until the end of it. Gone reader: gone process."""
     try:
         with os.fdopen(pipe, "wb") as stream:
-            what = "pair"
-            while what == "pair":
+            what = "item"
+            while what == "item":
                 message = waiting.get()
                 pickle.dump(message, stream, protocol=5)
                 stream.flush()

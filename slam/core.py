@@ -80,44 +80,32 @@ def orthonormal(T_a_b: Array) -> Array:
 def skew(v: Array) -> Array:
     """(..., 3, 3) matrices with skew(v) @ u = v x u."""
     v = np.asarray(v, dtype=np.float64)
-    zero = np.zeros(v.shape[:-1])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    return np.stack(
-        [
-            np.stack([zero, -z, y], axis=-1),
-            np.stack([z, zero, -x], axis=-1),
-            np.stack([-y, x, zero], axis=-1),
-        ],
-        axis=-2,
-    )
+    matrices = np.zeros((*v.shape, 3))
+    for row, column, axis in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        matrices[..., row, column] = v[..., axis]
+        matrices[..., column, row] = -v[..., axis]
+    return matrices
 
 
 def so3_exp(rotation_vectors: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad] (Rodrigues)."""
     w = np.asarray(rotation_vectors, dtype=np.float64)
-    angle2 = np.einsum("...i,...i->...", w, w)[..., None, None]
-    angle = np.sqrt(angle2)
-    small = angle < 1e-6
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
-    b = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    half_turns = np.sqrt(np.einsum("...i,...i->...", w, w))[..., None, None] / np.pi
     K = skew(w)
-    return np.eye(3) + a * K + b * (K @ K)
+    # sin(a) / a and (1 - cos(a)) / a^2, without their gaps at 0.
+    return np.eye(3) + np.sinc(half_turns) * K + 0.5 * np.sinc(0.5 * half_turns) ** 2 * (K @ K)
 
 
-def rotate(rotation_vectors: Array, points: Array) -> Array:
-    """Each of the points (N, 3) turned by its own rotation vector (N, 3) [rad]; no matrices."""
-    angle2 = np.einsum("ni,ni->n", rotation_vectors, rotation_vectors)
-    angle = np.sqrt(angle2)
-    small = angle < 1e-6
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1.0, np.sin(safe) / safe)[:, None]
-    b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)[:, None]
-    x, y, z = rotation_vectors.T
-    px, py, pz = points.T
-    turned = np.stack([y * pz - z * py, z * px - x * pz, x * py - y * px], axis=1)
-    along = np.einsum("ni,ni->n", rotation_vectors, points)[:, None]
-    return points + a * turned + b * (along * rotation_vectors - angle2[:, None] * points)
+def rotate(rotation_vector: Array, fractions: Array, points: Array) -> Array:
+    """Points (N, 3), each turned by its fraction (N,) of one rotation vector (3,) [rad]."""
+    angle = float(np.linalg.norm(rotation_vector))
+    if angle < 1e-12:
+        return np.array(points, dtype=np.float64)
+    K = skew(rotation_vector / angle)
+    angles = angle * fractions[:, None]
+    turned = points + np.sin(angles) * (points @ K.T)
+    turned += (1.0 - np.cos(angles)) * (points @ (K @ K).T)
+    return np.asarray(turned, dtype=np.float64)
 
 
 def so3_log(rotation: Array) -> Array:

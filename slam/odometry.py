@@ -55,12 +55,7 @@ def deskew(scan: Scan, ends: Sequence[Stamped]) -> Array:
         return points_base
     (stamp_last, T_last), (stamp, T_now) = ends[-2:]
     T_last_now = inverse(T_last) @ T_now
-    elapsed = (1.0 + scan.times / (stamp - stamp_last))[:, None]
-    way = elapsed * _twist(T_last_now)
-    moved = rotate(way[:, :3], points_base) + way[:, 3:]
+    elapsed = 1.0 + scan.times / (stamp - stamp_last)
+    moved = rotate(so3_log(T_last_now[:3, :3]), elapsed, points_base)
+    moved += elapsed[:, None] * T_last_now[:3, 3]
     return transform_points(inverse(T_last_now), moved)
-
-
-def _twist(T_a_b: Array) -> Array:
-    """(6,) rotation vector and translation."""
-    return np.append(so3_log(T_a_b[:3, :3]), T_a_b[:3, 3])

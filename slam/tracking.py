@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam.core import (
     Array,
@@ -80,33 +81,52 @@ class _Stack:
     def __init__(self, planes: list[_LocalPlane]):
         self.normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
         centroids = np.array([plane.centroid for plane in planes]).reshape(-1, 3)
-        self._offsets = -np.einsum("pi,pi->p", self.normals, centroids)
-        self._axes = np.array([plane_axes(plane.normal)[0] for plane in planes]).reshape(-1, 3)
-        self._span = np.array([plane.span for plane in planes]).reshape(-1, 2)
-        self._height = np.array([plane.height for plane in planes]).reshape(-1, 2)
-        self._level = np.abs(self.normals[:, 2]) > 0.7
+        self.offsets = -np.einsum("pi,pi->p", self.normals, centroids)
+        self.axes = np.array([plane_axes(plane.normal)[0] for plane in planes]).reshape(-1, 3)
+        self.span = np.array([plane.span for plane in planes]).reshape(-1, 2)
+        self.height = np.array([plane.height for plane in planes]).reshape(-1, 2)
+        self.level = np.abs(self.normals[:, 2]) > 0.7
+
+    def __len__(self) -> int:
+        return len(self.normals)
+
+
+class _Candidates:
+    """Which of a scan's points (3, N) may lie on which of the planes that face it: all that do
+    within ``reach`` now, hence all that will within less once the points have moved a little."""
+
+    def __init__(self, stack: _Stack, points: Array, origin: Array, reach: float):
+        near = np.abs((stack.normals @ points).T + stack.offsets) < reach
+        near &= stack.normals @ origin + stack.offsets > 0.1
+        self._place, plane = np.nonzero(near)
+        self._plane = plane
+        self._normals, self._offsets = stack.normals.T.take(plane, axis=1), stack.offsets[plane]
+        self._axes, self._level = stack.axes.T.take(plane, axis=1), stack.level[plane]
+        self._span, self._height = stack.span[plane].T, stack.height[plane].T
 
     def correspond(
-        self, points: Array, origin: Array, gate: float, config: TrackingConfig
+        self, points: Array, gate: float, config: TrackingConfig
     ) -> tuple[IntArray, IntArray, Array]:
-        """Places of the points (N, 3) that lie on one plane, which, and how far off it [m]."""
+        """Places of the points that lie on one plane, which, and how far off it [m]."""
+        near = points.take(self._place, axis=1)
+        distance = np.einsum("ic,ic->c", near, self._normals) + self._offsets
+        along = np.einsum("ic,ic->c", near, self._axes)
+        inside = _within(along, self._span, config.margin)
+        inside &= _within(near[2], self._height, config.margin)
+        inside |= self._level
         # The feet of walls that are not known yet must not pass for floor.
-        gates = np.where(self._level, np.minimum(gate, config.level_gate), gate)
-        gates[self.normals @ origin + self._offsets <= 0.1] = -1.0
-        distance = points @ self.normals.T + self._offsets
-        place, plane = np.nonzero(np.abs(distance) < gates)
-        near = points[place]
-        along = np.einsum("ci,ci->c", near, self._axes[plane])
-        span, height = self._span[plane], self._height[plane]
-        inside = (along > span[:, 0] - config.margin) & (along < span[:, 1] + config.margin)
-        inside &= near[:, 2] > height[:, 0] - config.margin
-        inside &= near[:, 2] < height[:, 1] + config.margin
-        inside |= self._level[plane]
-        place, plane = place[inside], plane[inside]
+        gates = np.where(self._level, min(gate, config.level_gate), gate)
+        use = np.flatnonzero(inside & (np.abs(distance) < gates))
+        place = self._place[use]
         # A point in a corner could be on either wall.
-        alone = np.bincount(place, minlength=len(points))[place] == 1
-        place, plane = place[alone], plane[alone]
-        return place, plane, distance[place, plane]
+        alone = np.bincount(place, minlength=points.shape[1])[place] == 1
+        use = use[alone]
+        return self._place[use], self._plane[use], distance[use]
+
+
+def _within(values: Array, ends: Array, margin: float) -> NDArray[np.bool_]:
+    """Which of the values (N,) lie between their ends (2, N), or less than a margin beyond."""
+    return (values > ends[0] - margin) & (values < ends[1] + margin)
 
 
 class PlaneTracker:
@@ -116,6 +136,8 @@ class PlaneTracker:
         self._config = config
         self._planes: list[_LocalPlane] = []
         self._stack = _Stack([])
+        self._weights = _Weights(config)
+        self._prior = self._weights.information()
         self._T_track_odom = np.eye(4)
         self._ends: list[Stamped] = []
         self._motion = np.eye(4)
@@ -127,7 +149,7 @@ class PlaneTracker:
         if self._ends:
             stamp, T_last = self._ends[-1]
             start, T = self._refine(scan, stamp, T_last, _kept_level(T_last, T))
-            self._motion = orthonormal(inverse(start) @ T)
+            self._motion = inverse(start) @ T
             self._ends = [(stamp, start), (scan.stamp, T)]
         else:
             self._ends = [(scan.stamp, T)]
@@ -166,52 +188,44 @@ class PlaneTracker:
         start, end = T_last, steady
         sample = _sample(scan, config.points)
         elapsed = 1.0 + sample.times / (scan.stamp - stamp)
-        points = transform_points(end, deskew(sample, [(stamp, start), (scan.stamp, end)]))
+        ends = [(stamp, start), (scan.stamp, end)]
+        points = np.ascontiguousarray(transform_points(end, deskew(sample, ends)).T)
+        origin = transform_points(end, scan.T_base_lidar[:3, 3])
+        candidates = _Candidates(self._stack, points, origin, config.gates[0])
         for gate in config.gates:
-            origin = transform_points(end, scan.T_base_lidar[:3, 3])
-            used, which, distance = self._stack.correspond(points, origin, gate, config)
-            equations = self._prior(start, end, T_last, steady, T_odom)
-            lever = points - end[:3, 3]
-            self._add_points(equations, lever[used], which, distance, elapsed[used])
-            step = equations.solve()
-            start, end = _moved(start, step[:6]), _moved(end, step[6:])
+            used, which, distance = candidates.correspond(points, gate, config)
+            lever = points - end[:3, 3:]
+            information, right = self._seen(lever[:, used], which, distance, elapsed[used])
+            right -= self._expected(start, end, T_last, steady, T_odom)
+            step = np.asarray(np.linalg.solve(self._prior + information, right), np.float64)
+            start, end = _moved(start, end, step)
             # To first order, as the equations have it: a step turns by a fraction of a degree.
-            twist = step[:6] + elapsed[:, None] * (step[6:] - step[:6])
-            points += _cross(twist[:, :3], lever) + twist[:, 3:]
+            twist = step[:6, None] + elapsed * (step[6:] - step[:6])[:, None]
+            points += _cross(twist[:3], lever) + twist[3:]
         return orthonormal(start), orthonormal(end)
 
-    def _prior(
+    def _expected(
         self, start: Array, end: Array, T_last: Array, steady: Array, T_odom: Array
-    ) -> _NormalEquations:
-        """What is known of both poses before the points are looked at."""
-        config = self._config
-        equations = _NormalEquations(np.zeros((12, 12)), np.zeros(12))
-        one, none = np.eye(6), np.zeros((6, 6))
+    ) -> Array:
+        """(12,) what pulls both poses away from what is known before the points are looked at."""
         start_off, end_off = _apart(start, T_last), _apart(end, steady)
-        equations.add(np.hstack([none, one]), _apart(end, T_odom), config.odometry_sigma)
-        equations.add(np.hstack([one, none]), start_off, config.last_sigma)
-        equations.add(np.hstack([-one, one]), end_off - start_off, config.motion_sigma)
-        return equations
+        pull = self._weights.motion * (end_off - start_off)
+        at_start = self._weights.last * start_off - pull
+        return np.append(at_start, self._weights.odometry * _apart(end, T_odom) + pull)
 
-    def _add_points(
-        self,
-        equations: _NormalEquations,
-        lever: Array,
-        which: IntArray,
-        distance: Array,
-        elapsed: Array,
-    ) -> None:
-        """Distances of points from their planes; each moves with both poses, by its time. lever:
-        (M, 3) from the base to the points."""
+    def _seen(
+        self, lever: Array, which: IntArray, distance: Array, elapsed: Array
+    ) -> tuple[Array, Array]:
+        """Information (12, 12) and right side (12,) of the distances of points from their planes;
+        each moves with both poses, by its time. lever: (3, M) from the base to the points."""
         config = self._config
-        count = np.bincount(which, minlength=len(self._planes))
-        normal = self._stack.normals[which]
-        row = np.hstack([_cross(lever, normal), normal])
+        count = np.bincount(which, minlength=len(self._stack))
         weight = 1.0 / (config.point_sigma**2 + count[which] * config.plane_sigma**2)
-        jacobian = np.hstack([(1.0 - elapsed[:, None]) * row, elapsed[:, None] * row])
-        weighted = jacobian * weight[:, None]
-        equations.information += weighted.T @ jacobian
-        equations.right -= distance @ weighted
+        normal = self._stack.normals.T.take(which, axis=1)
+        column = np.concatenate([_cross(lever, normal), normal])
+        jacobian = np.concatenate([(1.0 - elapsed) * column, elapsed * column])
+        weighted = weight * jacobian
+        return weighted @ jacobian.T, -weighted @ distance
 
     # --- the planes ---
 
@@ -271,33 +285,34 @@ def _kept_level(T_last: Array, T: Array) -> Array:
     return pose(turn @ T_last[:3, :3], np.array([T[0, 3], T[1, 3], T_last[2, 3]]))
 
 
-@dataclass
-class _NormalEquations:
-    """information (12, 12) x step = right (12,), the step of start and end."""
+class _Weights:
+    """Inverse variances (6,) of what is known before the points are looked at."""
 
-    information: Array
-    right: Array
+    def __init__(self, config: TrackingConfig):
+        self.odometry = 1.0 / np.square(config.odometry_sigma)
+        self.last = 1.0 / np.square(config.last_sigma)
+        self.motion = 1.0 / np.square(config.motion_sigma)
 
-    def add(self, jacobian: Array, residual: Array, sigma: Sigmas) -> None:
-        """A residual (6,) with derivative (6, 12) and standard deviations."""
-        weighted = jacobian / np.square(sigma)[:, None]
-        self.information += weighted.T @ jacobian
-        self.right -= weighted.T @ residual
-
-    def solve(self) -> Array:
-        """The step (12,)."""
-        return np.asarray(np.linalg.solve(self.information, self.right), dtype=np.float64)
+    def information(self) -> Array:
+        """(12, 12) of the poses at the start and at the end."""
+        motion = np.diag(self.motion)
+        at_start, at_end = np.diag(self.last) + motion, np.diag(self.odometry) + motion
+        return np.block([[at_start, -motion], [-motion, at_end]])
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Row by row (N, 3); numpy's own takes ten times as long."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    """Column by column (3, N); numpy's own takes ten times as long."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-def _moved(T: Array, step: Array) -> Array:
-    """A pose turned about its own place, in the tracker's axes, and shifted."""
-    return pose(so3_exp(step[:3]) @ T[:3, :3], T[:3, 3] + step[3:])
+def _moved(start: Array, end: Array, step: Array) -> tuple[Array, Array]:
+    """Both poses turned about their own places, in the tracker's axes, and shifted."""
+    first, second = so3_exp(step.reshape(2, 6)[:, :3])
+    return (
+        pose(first @ start[:3, :3], start[:3, 3] + step[3:6]),
+        pose(second @ end[:3, :3], end[:3, 3] + step[9:]),
+    )
 
 
 def _apart(T: Array, other: Array) -> Array:
@@ -310,8 +325,13 @@ def _apart(T: Array, other: Array) -> Array:
 
 
 def _grown(interval: Array, values: Array) -> Array:
-    """The interval that also holds the bulk of the values."""
-    low, high = np.percentile(values, [1.0, 99.0])
+    """The interval that also holds the bulk of the values (N,): from their first to their 99th
+    percentile."""
+    places = np.array([0.01, 0.99]) * (len(values) - 1)
+    below = places.astype(np.int64)
+    above = np.minimum(below + 1, len(values) - 1)
+    ordered = np.partition(values, [*below, *above])  # np.percentile takes five times as long
+    low, high = ordered[below] + (places - below) * (ordered[above] - ordered[below])
     return np.array([min(interval[0], low), max(interval[1], high)])
 
 

@@ -44,8 +44,10 @@ def test_log_is_scipys_rotation_vector(v):
 
 @given(vectors, vectors)
 def test_turning_a_point_is_multiplying_it(v, p):
-    assert np.allclose(rotate(v[None], p[None])[0], so3_exp(v) @ p, atol=1e-12)
-    assert np.allclose(rotate(np.zeros((1, 3)), p[None])[0], p)
+    fractions = np.array([0.0, 0.3, 1.0])
+    turned = rotate(v, fractions, np.tile(p, (3, 1)))
+    assert np.allclose(turned, so3_exp(fractions[:, None] * v) @ p, atol=1e-12)
+    assert np.allclose(rotate(np.zeros(3), fractions[:1], p[None])[0], p)
 
 
 @given(vectors)
