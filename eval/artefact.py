@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.config import RunConfig
-from eval.files import whole_file
+from eval.files import make_folder, whole_file
 from eval.labels import KeptReturns, TruthStep
 from eval.recordings import is_recording
 from eval.seen import SeenStep
@@ -139,7 +139,7 @@ def write_steps(steps: Sequence[Step], error: str, path: Path) -> None:
     scans = [frame.keyframe for frame in frames if frame.keyframe is not None]
     arrays = {"error": np.array(error), **_frame_arrays(frames), **_keyframe_arrays(scans)}
     arrays |= _truth_arrays(truths)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     with whole_file(path) as part, part.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]  # its stub has allow_pickle only
 

@@ -98,11 +98,16 @@ def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
     return array
 
 
+def make_folder(folder: Path) -> None:
+    """Makes a folder and what it is to stand in, unless it is there. Raises InputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
 def claim_new(folder: Path) -> None:
     """InputError unless a new folder can be made there; makes what it is to stand in."""
     if folder.exists():
         raise InputError(f"out: {folder} exists, a new folder was expected")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(folder, error) from error
+    make_folder(folder.parent)

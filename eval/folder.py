@@ -21,6 +21,7 @@ RUN_FILES = (
     "truth.tum",
     "map.ply",
     "graph.json",
+    "rooms.csv",
     "plan.png",
     "report.html",
     "recording.rrd",

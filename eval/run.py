@@ -23,6 +23,7 @@ from eval.outputs import write_graph, write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.registered import RegisteredAhead
 from eval.report.run import write_report
+from eval.roomtable import ROOMS_FILE, room_rows, write_rooms
 from eval.scenegraph import scene_graph
 from eval.score_consistency import score_consistency
 from eval.score_loops import score_loops
@@ -248,6 +249,9 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
     labels = graph_truth(scores, parts.keeper.truth, record)
     write_graph(scene_graph(record.view, proposals, labels), folder / "graph.json")
     plan_png(record, scores, folder / "plan.png")
+    entered = parts.keeper.visits.entered
+    if rows := room_rows(scores.fates, parts.keeper.truth, entered):
+        write_rooms(rows, folder / ROOMS_FILE)
     write_metrics(metrics, folder / "metrics.json")
     write_report(folder)
     return metrics

@@ -12,7 +12,7 @@ are *clustering*; one that uses no planes has *unseen* and *clustering* alone.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,34 @@ from worlds.truth import Room, Truth
 
 FACES = 3
 """A room with fewer distinct faces earns no full credit."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A room that was missed, or a detection that is not true. room: the true room that it is
+    about, None where a false detection is about none; proposal: None of a missed room; cause: the
+    stage that had it wrong."""
+
+    room: int | None
+    proposal: int | None
+    cause: str
+
+
+@dataclass(frozen=True)
+class Fates:
+    """What became of the rooms. found: room -> its true detection, by the rule that fits the
+    detector; faults: what was missed, in the order of rooms, then what is false."""
+
+    found: Mapping[int, int]
+    faults: tuple[Fault, ...]
+
+    def count(self) -> Failures:
+        """How many faults of each kind and cause."""
+        counts = Counter(
+            f"{'missed' if fault.proposal is None else 'false'}_{fault.cause}"
+            for fault in self.faults
+        )
+        return Failures(**{name: counts[name] for name in Failures.__dataclass_fields__})
 
 
 @dataclass(frozen=True)
@@ -86,15 +114,15 @@ def linked_rooms(links: Links, planes: Sequence[MapPlane], voter: Voter) -> froz
     return frozenset(v.owner for v in votes if v.owner is not None and v.coverage >= MIN_COVERAGE)
 
 
-def score_failures(
+def room_fates(
     votes: Sequence[RoomVote],
     truth: Truth,
     T_world_map: Array,
     entered: Collection[int],
     evidence: Evidence,
     storeys: Collection[int] | None = None,
-) -> Failures:
-    """Count the causes, by the piece rule, or the centre rule where the detector uses no planes."""
+) -> Fates:
+    """By the piece rule, or the centre rule where the detector uses no planes."""
     rooms = [room for room in truth.rooms if storeys is None or room.storey in storeys]
     by_pieces = evidence.mapped is not None
     matches = (
@@ -103,21 +131,26 @@ def score_failures(
         else match_centres(votes, rooms, T_world_map)
     )
     missed = sorted(set(entered) - set(matches.values()))
-    causes = Counter(f"missed_{evidence.cause(truth.rooms[room])}" for room in missed)
+    faults = [Fault(room, None, evidence.cause(truth.rooms[room])) for room in missed]
     for place, vote in enumerate(votes):
         if place not in matches:
-            causes[f"false_{_cause_of_false(vote, truth, T_world_map, evidence, rooms)}"] += 1
-    return Failures(**{name: causes[name] for name in Failures.__dataclass_fields__})
+            room, cause = _cause_of_false(vote, truth, T_world_map, evidence, rooms)
+            faults.append(Fault(room, vote.id, cause))
+    return Fates({room: votes[place].id for place, room in matches.items()}, tuple(faults))
 
 
 def _cause_of_false(
     vote: RoomVote, truth: Truth, T_world_map: Array, evidence: Evidence, rooms: Sequence[Room]
-) -> str:
+) -> tuple[int | None, str]:
+    """The room that a false detection is about, if any, and the cause."""
     owners = [truth.faces[face].room for face in vote.faces if face >= 0]
-    if vote.faces and 2 * len(owners) <= len(vote.faces):
-        return "planes"
     if owners:
-        most, _ = min(Counter(owners).items(), key=lambda item: (-item[1], item[0]))
-        return evidence.cause(truth.rooms[most])
-    around = [room for room in rooms if centre_in(room, vote, T_world_map)]
-    return evidence.cause(around[0]) if around else "clustering"
+        about = truth.rooms[min(Counter(owners).items(), key=lambda item: (-item[1], item[0]))[0]]
+    else:
+        around = [room for room in rooms if centre_in(room, vote, T_world_map)]
+        if not around:
+            return None, "planes" if vote.faces else "clustering"
+        about = around[0]
+    if vote.faces and 2 * len(owners) <= len(vote.faces):
+        return about.id, "planes"
+    return about.id, evidence.cause(about)

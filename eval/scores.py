@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eval.labels import TruthKeeper
-from eval.score_failures import Evidence, Failures, linked_rooms, score_failures
+from eval.score_failures import Evidence, Failures, Fates, linked_rooms, room_fates
 from eval.score_map import MapCloud, MapScore, SurfaceDistance, map_cloud, score_map
 from eval.score_planes import LabelledPlane, PlaneScore, score_planes
 from eval.score_rooms import RoomScore, score_rooms
@@ -48,7 +48,7 @@ class Scores:
     """Everything that is scored; what needs T_world_map is None inside where there is none.
 
     Each trajectory is aligned by itself; ate_keyframes, and all scores of the map and of rooms, use
-    the alignment of the final estimate.
+    the alignment of the final estimate. fates: of rooms; None where they are not scored.
     """
 
     truth_trajectory: Trajectory
@@ -63,7 +63,12 @@ class Scores:
     rooms: RoomScore
     walls: WallScore
     time: TimeScore
-    failures: Failures
+    fates: Fates | None
+
+    @property
+    def failures(self) -> Failures:
+        """What was missed and what is false, counted by causes."""
+        return Failures() if self.fates is None else self.fates.count()
 
     @property
     def T_world_map(self) -> Array | None:
@@ -104,7 +109,7 @@ def score_run(record: RunRecord, surface: SurfaceDistance | None) -> Scores:
         rooms=concepts.rooms,
         walls=concepts.walls,
         time=concepts.time,
-        failures=concepts.failures,
+        fates=concepts.fates,
     )
 
 
@@ -138,7 +143,7 @@ class _Concepts:
     rooms: RoomScore = RoomScore()
     walls: WallScore = WallScore()
     time: TimeScore = UNKNOWN_TIME
-    failures: Failures = Failures()
+    fates: Fates | None = None
 
 
 def _score_concepts(record: RunRecord, planes: PlaneScore, T_world_map: Array | None) -> _Concepts:
@@ -168,10 +173,10 @@ def _score_concepts(record: RunRecord, planes: PlaneScore, T_world_map: Array | 
         if record.links is None
         else linked_rooms(record.links, record.view.planes, keeper.voter),
     )
-    failures = score_failures(
+    fates = room_fates(
         room_votes, truth, T_world_map, entered.keys(), evidence, keeper.visits.storeys
     )
-    return _Concepts(rooms, walls, time, failures)
+    return _Concepts(rooms, walls, time, fates)
 
 
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:

@@ -43,7 +43,7 @@ def score(
     A trajectory is aligned with the true one, and the map and the rooms with it; without a
     trajectory they are taken to be in the scene's own frame. What does not apply is null.
     """
-    from eval.files import write_text
+    from eval.files import make_folder, write_text
     from eval.outputs import metrics_json
     from eval.score_foreign import score_foreign
     from eval.screen import line, output, show_sheet
@@ -61,7 +61,7 @@ def score(
     console = output()
     show_sheet(console, score_sheet(metrics))
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
         write_text(out / "metrics.json", metrics_json(metrics))
         line(console, str(out / "metrics.json"))
 

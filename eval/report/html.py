@@ -17,17 +17,21 @@ body{margin:0 auto;max-width:60rem;padding:1rem;background:var(--paper);color:va
 font:1rem/1.5 system-ui,sans-serif}
 h1{font-size:1.5rem;margin:.5rem 0}h2{font-size:1.15rem;margin:2rem 0 .5rem}
 p{margin:.4rem 0}.dim,figcaption,caption{color:var(--dim);font-size:.9rem}
-.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(8.5rem,1fr));gap:.6rem}
 .card{background:var(--card);border-radius:.5rem;padding:.6rem .8rem}
-.card b{display:block;font-size:1.35rem;line-height:1.3}
-figure{margin:.6rem 0}svg,img{width:100%;height:auto;max-height:90vh;display:block}
-img{object-fit:contain}
-img{background:#fff;border-radius:.5rem}
+.card b{display:block;font-size:1.25rem;line-height:1.3;white-space:nowrap}
+figure{margin:.6rem 0}svg,img{width:100%;height:auto;max-height:44rem;display:block}
+svg.chart{max-width:38rem}img{object-fit:contain;background:#fff;border-radius:.5rem}
+.key{display:inline-block;white-space:nowrap;margin-left:.5rem}
+.key i{display:inline-block;width:1.4rem;height:.35rem;margin-right:.3rem;vertical-align:middle}
+summary{font-size:1.15rem;font-weight:600;margin:1.5rem 0 .5rem;cursor:pointer}
+ul{margin:.4rem 0;padding-left:1.2rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 caption{text-align:left}td,th{padding:.25rem .6rem .25rem 0;border-bottom:1px solid var(--line);
-text-align:left;vertical-align:top}td{overflow-wrap:anywhere}th{font-weight:600}
+text-align:left;vertical-align:top}details td{overflow-wrap:anywhere}th{font-weight:600}
 .good{color:var(--good)}.bad{color:var(--bad)}
-svg text{fill:var(--ink);font-family:system-ui,sans-serif}svg .dim{fill:var(--dim)}
+svg text{fill:var(--ink);font-family:system-ui,sans-serif;stroke:var(--paper);stroke-width:.2em;
+stroke-linejoin:round;paint-order:stroke}svg .dim{fill:var(--dim)}
 """
 
 
@@ -58,6 +62,16 @@ def section(title: str, *parts: str) -> str:
     return f"<section><h2>{escape(title)}</h2>\n{body}</section>" if body else ""
 
 
+def folded(title: str, part: str) -> str:
+    """What few ask for: a heading that opens it."""
+    return f"<details><summary>{escape(title)}</summary>\n{part}</details>"
+
+
+def items(texts: Sequence[str]) -> str:
+    """A list; nothing without texts."""
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>" if texts else ""
+
+
 def paragraph(text: str, kind: str = "") -> str:
     """kind: "", "good", "bad" or "dim"."""
     return f'<p class="{escape(kind)}">{escape(text)}</p>'
@@ -84,9 +98,13 @@ def table(content: Table) -> str:
     return f'<div class="scroll"><table>{caption}{body}</table></div>'
 
 
-def figure(picture: str, caption: str) -> str:
-    """picture: HTML of an image or a drawing."""
-    return f"<figure>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+def figure(picture: str, caption: str, key: Sequence[tuple[str, str]] = ()) -> str:
+    """picture: HTML of an image or a drawing; key: colours and what they stand for."""
+    keys = "".join(
+        f'<span class="key"><i style="background:{escape(colour)}"></i>{escape(text)}</span>'
+        for colour, text in key
+    )
+    return f"<figure>{picture}<figcaption>{escape(caption)}{keys}</figcaption></figure>"
 
 
 def image(png: bytes, text: str) -> str:

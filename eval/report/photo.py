@@ -11,13 +11,15 @@ import subprocess
 import sys
 import time
 from base64 import b64decode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from tempfile import TemporaryDirectory
 
 from slam.core import InputError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_S = 120.0
+DRAW_S = 0.5
+"""Between pictures of a page."""
 
 
 def browser() -> str | None:
@@ -25,22 +27,33 @@ def browser() -> str | None:
     return next((path for name in BROWSERS if (path := shutil.which(name))), None)
 
 
-def photograph(address: str, size: tuple[int, int], draw_s: float = 0.5) -> bytes:
-    """A page as PNG after it had some seconds to draw. Raises InputError where no browser can."""
+def photograph(
+    address: str, size: tuple[int, int], drawn: Callable[[bytes], bool] = lambda png: True
+) -> bytes:
+    """A page as PNG: the first picture that is drawn, or the last one before patience ended.
+
+    A page that computes what it shows is blank at first, on a busy machine for a minute. Raises
+    InputError where no browser can take pictures.
+    """
     program = browser()
     if program is None:
         raise InputError(f"no browser here ({', '.join(BROWSERS)}): no picture of {address}")
     with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         options = ["--headless", "--no-sandbox", "--hide-scrollbars", "--remote-debugging-pipe"]
-        options += ["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-        options += [f"--user-data-dir={folder}", f"--window-size={size[0]},{size[1]}"]
+        options += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        options += ["--ignore-gpu-blocklist", f"--user-data-dir={folder}"]
+        options.append(f"--window-size={size[0]},{size[1]}")
         with _Browser([program, *options]) as found:
             tab = found.ask("Target.createTarget", {"url": address})["targetId"]
             with_tab = {"targetId": tab, "flatten": True}
             session = str(found.ask("Target.attachToTarget", with_tab)["sessionId"])
-            time.sleep(draw_s)
-            answer = found.ask("Page.captureScreenshot", {"format": "png"}, session)
-    return b64decode(str(answer["data"]))
+            deadline = time.monotonic() + PATIENCE_S
+            while True:
+                time.sleep(DRAW_S)
+                answer = found.ask("Page.captureScreenshot", {"format": "png"}, session)
+                png = b64decode(str(answer["data"]))
+                if drawn(png) or time.monotonic() > deadline:
+                    return png
 
 
 class _Browser:

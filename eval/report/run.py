@@ -5,7 +5,7 @@ Nothing is computed anew but the errors along the path; what a file does not say
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from eval.folder import CONFIG_FILE
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, read_graph
 from eval.outputs import read_tum
 from eval.report import html, svg
+from eval.roomtable import FALSE, FOUND, MISSED, ROOMS_FILE, RoomRow, read_rooms
 from eval.score_rooms import to_world
 from eval.trajectory import Trajectory, align, origin_alignment, position_errors, travelled
 from slam.core import Array, InputError
@@ -24,10 +25,19 @@ REPORT_FILE = "report.html"
 NONE = "-"
 """Said where a number does not apply."""
 
+CAUSES = {
+    "unseen": "the sensor has seen too few of its walls",
+    "planes": "the map does not hold its walls, or not apart from others",
+    "edges": "its walls are mapped; the detector did not join them, or joined them with others'",
+    "clustering": "its walls are mapped; the detector made something else of them",
+}
+"""The causes of ``eval/score_failures.py`` in other words."""
+
 
 @dataclass(frozen=True)
 class RunFiles:
-    """A run's folder, read. truth: None where there is none; plan: plan.png, empty if absent."""
+    """A run's folder, read. truth: None where there is none; rooms: empty where they are not
+    scored; plan: plan.png, empty if absent."""
 
     config: Mapping[str, object]
     metrics: Mapping[str, object]
@@ -35,6 +45,7 @@ class RunFiles:
     estimate: Trajectory
     odometry: Trajectory
     truth: Trajectory | None
+    rooms: Sequence[RoomRow]
     plan: bytes
 
 
@@ -42,7 +53,7 @@ def read_run(folder: Path) -> RunFiles:
     """The files of a finished run. Raises InputError."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no such run; the folder of a finished run was expected")
-    truth, plan = folder / "truth.tum", folder / "plan.png"
+    truth, rooms, plan = (folder / name for name in ("truth.tum", ROOMS_FILE, "plan.png"))
     return RunFiles(
         config=read_json(folder / CONFIG_FILE),
         metrics=read_json(folder / "metrics.json"),
@@ -50,6 +61,7 @@ def read_run(folder: Path) -> RunFiles:
         estimate=read_tum(folder / "trajectory.tum"),
         odometry=read_tum(folder / "odometry.tum"),
         truth=read_tum(truth) if truth.exists() else None,
+        rooms=read_rooms(rooms) if rooms.exists() else (),
         plan=read_bytes(plan) if plan.exists() else b"",
     )
 
@@ -74,8 +86,8 @@ def run_page(run: RunFiles) -> str:
         html.section("Rooms", *_rooms(run)),
         html.section("Error along the path", *_errors(run)),
         html.section("Time", *_time(run.metrics)),
-        html.section("All metrics", _metrics_table(run.metrics)),
-        html.section("Configuration", _table("What the run was asked for", run.config)),
+        html.folded("All metrics", _metrics_table(run.metrics)),
+        html.folded("Configuration", _table("What the run was asked for", run.config)),
     ]
     return html.page(title, lead, sections)
 
@@ -110,13 +122,13 @@ def _result(metrics: Mapping[str, object]) -> Iterator[str]:
 
     yield html.cards(
         [
-            ("rooms, precision / recall", both("rooms")),
-            ("walls, precision / recall", both("walls")),
+            ("rooms: precision / recall", both("rooms")),
+            ("walls: precision / recall", both("walls")),
             ("position error (ATE)", number(get(metrics, "ate_m"), 100.0, 1, " cm")),
-            ("odometry's own", number(get(metrics, "ate_odometry_m"), 100.0, 1, " cm")),
+            ("odometry alone (ATE)", number(get(metrics, "ate_odometry_m"), 100.0, 1, " cm")),
             ("map error (MMA)", number(get(metrics, "mma_m"), 100.0, 1, " cm")),
             ("first room", number(get(metrics, "first_room_s"), 1.0, 1, " s")),
-            ("times real time", number(get(metrics, "real_time_factor"))),
+            ("times real time", number(get(metrics, "real_time_factor"), 1.0, 1)),
         ]
     )
 
@@ -153,24 +165,18 @@ def _plan(run: RunFiles) -> Iterator[str]:
     upright = [to_world(T, node.segment) for node in planes if abs(node.normal[2]) < 0.7]
     path = to_world(T, run.estimate.positions[:, :2])
     errors = _along(run.estimate, run.truth)
-    said = "; ".join(f"{name}: {colour}" for colour, name in _legend_words(errors))
-    caption = "What was found: rooms (green: true, red: false), mapped planes, the estimated path"
-    yield html.figure(
-        svg.plan(areas, upright, path, errors),
-        f"{caption}, coloured by its error ({said})" if said else caption,
-    )
+    words = "What was found: rooms (green: true, red: false), mapped planes, the estimated path"
+    if len(errors):
+        words += ", coloured by its error:"
+    yield html.figure(svg.plan(areas, upright, path, errors), words, svg.legend(errors))
     if run.plan:
         words = "Truth and estimate over each other; rooms entered and missed are hatched"
         yield html.figure(html.image(run.plan, words), words)
 
 
-def _legend_words(errors: Array) -> list[tuple[str, str]]:
-    words = ("blue", "teal", "green", "amber", "red")
-    return [(w, text) for w, (_, text) in zip(words, svg.legend(errors), strict=False)]
-
-
 def _name(node: RoomNode, graph: SceneGraph) -> str:
-    return graph.truth.get(node.id, node.id)
+    label = graph.truth.get(node.id, node.id)
+    return f"{node.id}, false" if label == "false" else label
 
 
 def _kind(node: RoomNode, graph: SceneGraph) -> str:
@@ -180,25 +186,35 @@ def _kind(node: RoomNode, graph: SceneGraph) -> str:
 
 
 def _rooms(run: RunFiles) -> Iterator[str]:
-    rooms = [node for node in run.graph.nodes if isinstance(node, RoomNode)]
-    if run.graph.truth:
-        entered, recall = (get(run.metrics, f"rooms.{name}") for name in ("entered", "recall"))
-        if isinstance(entered, (int, float)) and isinstance(recall, (int, float)):
-            missed = round(entered * (1.0 - recall), 1)
-            text = f"{entered:g} rooms were entered; {missed:g} of them were missed"
-            yield html.paragraph(text, "bad" if missed else "good")
-    rows = [
-        (
-            node.id,
-            run.graph.truth.get(node.id, NONE),
-            str(len(node.pieces)),
-            f"{node.confidence:.2f}",
-        )
-        for node in rooms
-    ]
+    """The faults first, by name; then every room."""
+    missed = [row for row in run.rooms if row.state == MISSED]
+    false = [row for row in run.rooms if row.state == FALSE]
+    entered = len(missed) + sum(row.state == FOUND for row in run.rooms)
+    if run.rooms:
+        words = f"Rooms entered: {entered}; missed: {len(missed)}; false detections: {len(false)}"
+        yield html.paragraph(words, "bad" if missed or false else "good")
+    yield html.items([f"Missed: {row.room}. {_cause(row)}" for row in missed])
+    yield html.items([f"False: {row.detection}{_about(row)}. {_cause(row)}" for row in false])
+    nodes = {node.id: node for node in run.graph.nodes if isinstance(node, RoomNode)}
+    rows = run.rooms or [RoomRow(NONE, "", node) for node in nodes]
     if rows:
-        header = ("detection", "true room", "plane pieces", "confidence")
-        yield html.table(html.Table("Detected rooms", header, rows))
+        header = ("room", "state", "detection", "plane pieces", "confidence")
+        yield html.table(html.Table("Rooms", header, [_room(row, nodes) for row in rows]))
+
+
+def _room(row: RoomRow, nodes: Mapping[str, RoomNode]) -> tuple[str, ...]:
+    node = nodes.get(row.detection)
+    of_node = (NONE, NONE) if node is None else (str(len(node.pieces)), f"{node.confidence:.2f}")
+    return (row.room or NONE, row.state or NONE, row.detection or NONE, *of_node)
+
+
+def _about(row: RoomRow) -> str:
+    return f" (about {row.room})" if row.room else ""
+
+
+def _cause(row: RoomRow) -> str:
+    words = CAUSES.get(row.cause, row.cause)
+    return words[:1].upper() + words[1:] + "."
 
 
 # --- along the path, time, and all the rest ------------------------------------------------------

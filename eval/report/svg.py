@@ -46,14 +46,15 @@ def plan(areas: Sequence[Area], walls: Sequence[Array], path: Array, errors: Arr
     low, high = corners.min(axis=0) - 0.5, corners.max(axis=0) + 0.5
     unit = float((high - low).max()) / 100.0
     parts = [_area(area, unit) for area in areas]
-    parts += [_polyline(wall, "var(--ink)", 0.35 * unit) for wall in walls]
-    parts += _coloured(path, errors, 0.6 * unit)
+    parts += [_polyline(wall, "var(--ink)", 0.25 * unit) for wall in walls]
+    parts += _coloured(path, errors, 0.45 * unit)
+    parts += [_area_name(area, unit) for area in areas]
     box = f"{low[0]:.2f} {-high[1]:.2f} {high[0] - low[0]:.2f} {high[1] - low[1]:.2f}"
     return _svg(box, "Plan: detected rooms, mapped planes and the path", parts)
 
 
 def legend(errors: Array) -> list[tuple[str, str]]:
-    """Colours and the errors [cm] that they stand for; none without errors."""
+    """The path's colours and the errors [cm] that they stand for; none without errors."""
     if len(errors) == 0:
         return []
     edges = 100.0 * _edges(errors)
@@ -68,7 +69,7 @@ def chart(lines: Sequence[Line], x_name: str, y_name: str) -> str:
     width, height, left, foot, head = 480.0, 250.0, 40.0, 40.0, 28.0
     x_ticks = ticks(max(float(line.x.max()) for line in lines))
     y_ticks = ticks(max(float(line.y.max()) for line in lines))
-    x_scale = (width - left - 12.0) / x_ticks[-1]
+    x_scale = (width - left - 18.0) / x_ticks[-1]
     y_scale = (height - foot - head) / y_ticks[-1]
     parts: list[str] = []
     for tick in x_ticks:
@@ -76,7 +77,7 @@ def chart(lines: Sequence[Line], x_name: str, y_name: str) -> str:
         parts.append(_text(x, height - foot + 16.0, f"{tick:g}", "middle"))
     for tick in y_ticks:
         y = height - foot - tick * y_scale
-        level = np.array([[left, -y], [width - 12.0, -y]])
+        level = np.array([[left, -y], [width - 18.0, -y]])
         parts += [
             _polyline(level, "var(--line)", 1.0),
             _text(left - 6.0, y + 4.0, f"{tick:g}", "end"),
@@ -89,7 +90,7 @@ def chart(lines: Sequence[Line], x_name: str, y_name: str) -> str:
         _text(4.0, 13.0, y_name, "start"),
     ]
     names = ", ".join(line.name for line in lines)
-    return _svg(f"0 0 {width:g} {height:g}", f"{y_name} over {x_name}: {names}", parts)
+    return _svg(f"0 0 {width:g} {height:g}", f"{y_name} over {x_name}: {names}", parts, "chart")
 
 
 def bars(names: Sequence[str], values: Array, marks: Array, unit: str) -> str:
@@ -110,7 +111,7 @@ def bars(names: Sequence[str], values: Array, marks: Array, unit: str) -> str:
             _text(end + 6.0, y + 13.0, f"{value:.1f} / {mark:.1f} {unit}", "start"),
         ]
     said = ", ".join(f"{n} {v:.1f} {unit}" for n, v in zip(names, values, strict=True))
-    return _svg(f"0 0 {width:g} {len(names) * step + 4:g}", said, parts)
+    return _svg(f"0 0 {width:g} {len(names) * step + 4:g}", said, parts, "chart")
 
 
 def ticks(highest: float, count: int = 5) -> list[float]:
@@ -140,14 +141,20 @@ def _coloured(path: Array, errors: Array, width: float) -> list[str]:
 
 
 def _area(area: Area, unit: float) -> str:
-    x, y = area.outline.mean(axis=0)
     colour = f"var(--{area.kind})"
     return (
         f'<polygon points="{_points(area.outline)}" fill="{colour}" fill-opacity=".18" '
-        f'stroke="{colour}" stroke-width="{0.3 * unit:.3f}"/>'
-        f'<text x="{x:.2f}" y="{-y:.2f}" font-size="{2.6 * unit:.2f}" '
-        f'text-anchor="middle">{escape(area.name)}</text>'
+        f'stroke="{colour}" stroke-width="{0.25 * unit:.3f}"/>'
     )
+
+
+def _area_name(area: Area, unit: float) -> str:
+    """Above the middle, where paths lead; no wider than the area, but to be read."""
+    low, high = area.outline.min(axis=0), area.outline.max(axis=0)
+    size = np.clip(1.6 * (high[0] - low[0]) / max(len(area.name), 1), 1.2 * unit, 2.2 * unit)
+    x, y = (low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0 + 0.8 * size
+    place = f'x="{x:.2f}" y="{-y:.2f}" font-size="{size:.3f}"'
+    return f'<text {place} text-anchor="middle">{escape(area.name)}</text>'
 
 
 def _polyline(points: Array, colour: str, width: float) -> str:
@@ -170,9 +177,9 @@ def _text(x: float, y: float, text: str, anchor: str, dim: bool = True) -> str:
     return f'<text {place} font-size="13"{kind}>{escape(text)}</text>'
 
 
-def _svg(box: str, said: str, parts: Sequence[str]) -> str:
-    """said: what it shows, for those who cannot see it."""
+def _svg(box: str, said: str, parts: Sequence[str], kind: str = "plan") -> str:
+    """said: what it shows, for those who cannot see it; kind: "plan" or "chart"."""
     return (
-        f'<svg viewBox="{box}" role="img" aria-label="{escape(said)}" '
+        f'<svg class="{kind}" viewBox="{box}" role="img" aria-label="{escape(said)}" '
         f'xmlns="http://www.w3.org/2000/svg"><title>{escape(said)}</title>{"".join(parts)}</svg>'
     )

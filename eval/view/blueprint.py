@@ -18,6 +18,8 @@ LIFTED = ("map/graph/**",)
 SHAPE = 1.6
 """Width of the view from above, by its height."""
 
+WHOLE = rrb.TimeRange(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
+
 GRID = [255, 255, 255, 14]
 BACKGROUND = [16, 18, 22]
 
@@ -28,9 +30,9 @@ def blueprint(truth: Truth | None) -> Any:
     low, high = bounds(truth)
     middle = np.append((low + high) / 2.0, 0.0)
     wide, deep = np.maximum(high - low, 6.0)
-    aside = max(deep, 0.85 * wide) * np.array([-0.45, -1.0, 0.8])
+    aside = max(deep, 0.85 * wide) * np.array([-0.4, -0.85, 0.7])
     over = np.array([0.0, 0.0, 1.3 * max(deep, wide / SHAPE)])
-    aim = middle + np.array([0.0, 0.0, 3.0])
+    aim = middle + np.array([0.0, 0.0, 1.0])
     graph = _scene("Scene graph", aim, aside, (0, 0, 1), [*NAMES, *JUDGEMENT])
     judged = _scene("Against the truth", aim, aside, (0, 0, 1), NAMES)
     above = _scene("From above", middle, over, (0, 1, 0), LIFTED)
@@ -60,7 +62,12 @@ def bounds(truth: Truth | None) -> tuple[Array, Array]:
 
 def _curves(of: str, name: str) -> Any:
     legend = rrb.PlotLegend(rrb.Corner2D.LeftTop)
-    return rrb.TimeSeriesView(origin=f"/plots/{of}", name=name, plot_legend=legend)
+    return rrb.TimeSeriesView(
+        origin=f"/plots/{of}",
+        name=name,
+        plot_legend=legend,
+        axis_x=rrb.TimeAxis(view_range=WHOLE),
+    )
 
 
 def _event_columns() -> Any:

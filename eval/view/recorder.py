@@ -42,6 +42,15 @@ ON_PLANE = 0.08
 FALSE, MISSED = (215, 48, 39), (253, 174, 97)
 TRUE_PATH, ESTIMATE, ODOMETRY = (150, 150, 150), (60, 120, 216), (140, 107, 177)
 
+CURVES = {
+    "error/ATE": ESTIMATE,
+    "found/rooms_found": (178, 223, 138),
+    "found/rooms_right": (51, 160, 44),
+    "found/walls_found": (253, 191, 111),
+    "found/walls_right": (255, 127, 0),
+}
+"""Below ``plots``: what is found is pale, what of it is right is not."""
+
 
 class Target(Protocol):
     """Where a stream goes. tick_s: how long what is sent may wait for company [s]."""
@@ -95,6 +104,9 @@ class Recorder:
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         self._static("world/map", shapes.palette())
         self._static("world/map/robot/body", shapes.body(ESTIMATE))
+        for name, colour in CURVES.items():
+            label = name.rpartition("/")[2].replace("_", " ")
+            self._static(f"plots/{name}", rr.SeriesLines(colors=[colour], names=label, widths=2.0))
         if truth is not None:
             self._truth, self._judge = truth, Judge(truth)
             self._draw_truth(truth)

@@ -19,6 +19,9 @@ GREY: Colour = (150, 150, 150)
 FAINT: Colour = (70, 70, 74)
 PINK: Colour = (226, 84, 164)
 COLOURS = 12
+LEVEL_POINTS = 500
+"""Points of a level plane that its rectangle is laid about, at most twice as many."""
+
 NO_ROOM = 0
 """Class of what belongs to no room; 1 to ``COLOURS`` are rooms and planes, in turn."""
 
@@ -102,14 +105,14 @@ def plane_strips(plane: MapPlane) -> list[Array]:
 
 
 def plane_outline(plane: MapPlane) -> Array:
-    """(5, 3) closed: an upright plane's rectangle, a level one's along its longest extent."""
+    """(5, 3) closed: an upright plane's rectangle, or the smallest about a level one's points."""
     if not plane.horizontal:
         return rectangle(plane.segment, plane.z_range)
-    middle = plane.points[:, :2].mean(axis=0)
-    _, axes = np.linalg.eigh(np.cov(plane.points[:, :2].T))
-    low, high = np.percentile((plane.points[:, :2] - middle) @ axes, [1.0, 99.0], axis=0)
-    along = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
-    corners = middle + along @ axes.T
+    points = plane.points[:: 1 + len(plane.points) // LEVEL_POINTS, :2]
+    hull = shapely.convex_hull(shapely.multipoints(points))
+    # A little wider, so that a rectangle is about those points too that lie on one line.
+    around = shapely.oriented_envelope(shapely.buffer(hull, 0.01, quad_segs=1))
+    corners = np.array(around.exterior.coords)
     z = -(plane.d + corners @ plane.normal[:2]) / plane.normal[2]
     return np.column_stack([corners, z])
 

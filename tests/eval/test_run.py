@@ -23,6 +23,7 @@ FILES = {
     "odometry.tum",
     "plan.png",
     "report.html",
+    "rooms.csv",
     "trajectory.tum",
     "truth.tum",
 }

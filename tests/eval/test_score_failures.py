@@ -7,7 +7,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from eval.score_failures import Evidence, linked_rooms, score_failures
+from eval.score_failures import Evidence, Fates, Fault, linked_rooms, room_fates
 from eval.seen import SeenFaces
 from eval.votes import PieceVote, RoomVote, room_vote
 from slam.core import Links, RoomProposal
@@ -26,13 +26,17 @@ def seen_of(house, *faces: int) -> SeenFaces:
     return seen
 
 
-def counts(house, seen, votes=(), mapped=range(12), linked=None, entered=(0, 1, 2)):
+def fates(house, seen, votes=(), mapped=range(12), linked=None, entered=(0, 1, 2)) -> Fates:
     evidence = Evidence(
         seen,
         None if mapped is None else frozenset(mapped),
         None if linked is None else frozenset(linked),
     )
-    found = score_failures(votes, house.truth, np.eye(4), entered, evidence)
+    return room_fates(votes, house.truth, np.eye(4), entered, evidence)
+
+
+def counts(*of: object, **known: object) -> dict[str, int]:
+    found = fates(*of, **known).count()
     return {name: count for name, count in asdict(found).items() if count}
 
 
@@ -83,6 +87,23 @@ def test_without_planes_the_centre_rule_counts(house) -> None:
     inside, outside = (vote(house, seen, (), centre) for centre in (CENTRES[0], (20.0, 20.0)))
     found = counts(house, seen, [inside, outside], mapped=None)
     assert found == {"missed_unseen": 2, "false_clustering": 1}
+
+
+def test_rooms_are_named(house) -> None:
+    """What each fault is about: A is found, B missed, and a detection made of B's faces is false."""
+    seen = seen_of(house, *A, *B)
+    votes = [
+        vote(house, seen, A, CENTRES[0], 5),
+        vote(house, seen, (4, 5, -4), CENTRES[2], 6),
+        vote(house, seen, (-4, -5), (20.0, 20.0), 7),
+    ]
+    judged = fates(house, seen, votes, entered=(0, 1))
+    assert judged.found == {0: 5}
+    assert judged.faults == (
+        Fault(1, None, "clustering"),
+        Fault(1, 6, "clustering"),
+        Fault(None, 7, "planes"),
+    )
 
 
 @pytest.mark.parametrize(

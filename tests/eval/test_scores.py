@@ -14,6 +14,7 @@ from eval.metrics import Loops, RunFacts, Stages, StageTime, assemble
 from eval.oracle import OracleDetector
 from eval.outputs import metrics_json
 from eval.picture import picture_of, plan_png
+from eval.score_failures import Fates, Fault
 from eval.score_map import SurfaceDistance
 from eval.scores import RunRecord, Scores, graph_truth, score_run
 from eval.trajectory import Trajectory
@@ -292,10 +293,12 @@ def test_every_figure_goes_to_its_own_key(house, surface) -> None:
 
     parts = {
         name: numbered(getattr(scores, name))
-        for name in ("odometry", "online", "planes", "map", "rooms", "walls", "time", "failures")
+        for name in ("odometry", "online", "planes", "map", "rooms", "walls", "time")
     }
     estimate = dataclasses.replace(numbered(scores.estimate), T_truth_estimate=np.eye(4))
-    scores = dataclasses.replace(scores, **parts, estimate=estimate, ate_keyframes=7, path_m=8)
+    fates = Fates({}, (Fault(0, None, "edges"), Fault(0, 1, "unseen"), Fault(None, 2, "unseen")))
+    others = {"estimate": estimate, "ate_keyframes": 7, "path_m": 8, "fates": fates}
+    scores = dataclasses.replace(scores, **parts, **others)
     metrics = assemble(FACTS, scores)
     renamed = {
         "ate": "ate_m",
@@ -317,11 +320,12 @@ def test_every_figure_goes_to_its_own_key(house, surface) -> None:
     for group, source in (
         (metrics.planes, scores.planes),
         (metrics.walls, scores.walls),
-        (metrics.failures, scores.failures),
         (metrics.rooms, {**vars(scores.time), **vars(scores.rooms)}),
     ):
         known = source if isinstance(source, dict) else vars(source)
         assert vars(group) == {key: known[key] for key in vars(group)}
+    missed, false = {"missed_edges": 1}, {"false_unseen": 2}
+    assert {k: v for k, v in vars(metrics.failures).items() if v} == missed | false
     assert metrics.first_room_s == scores.time.first_room_s
     assert metrics.room_latency_s.median == scores.time.latency_median_s
     assert metrics.room_latency_s.p95 == scores.time.latency_p95_s

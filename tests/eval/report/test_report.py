@@ -54,6 +54,8 @@ def run(tmp_path: Path) -> Path:
         RoomNode("r1", (), None, np.array([9.0, 9.0]), 0.4),
     )
     write_graph(SceneGraph(nodes, (), {"r0": NASTY, "r1": "false"}), folder / "graph.json")
+    table = "room,state,detection,cause\nhall,missed,,edges\nA & B,found,r0,\n,false,r1,planes\n"
+    (folder / "rooms.csv").write_text(table)
     for name, radius in (("trajectory", 2.0), ("odometry", 2.2), ("truth", 2.0)):
         write_tum(circle(radius), folder / f"{name}.tum")
     return folder
@@ -98,7 +100,7 @@ def read(page: str) -> Reader:
 def test_the_page_is_whole(run: Path) -> None:
     page = write_report(run).read_text()
     reader = read(page)
-    assert reader.headings == ["h1"] + ["h2"] * 7
+    assert reader.headings == ["h1"] + ["h2"] * 5
     assert reader.unnamed == 0
     assert all(source.startswith("data:") for source in reader.sources)
     assert "prefers-color-scheme:dark" in page
@@ -115,7 +117,9 @@ def test_text_is_escaped(run: Path) -> None:
 def test_what_it_says(run: Path) -> None:
     page = run_page(read_run(run))
     assert "12.3 cm" in page
-    assert "4 rooms were entered; 1 of them were missed" in page
+    assert "Rooms entered: 2; missed: 1; false detections: 1" in page
+    assert "Missed: hall. Its walls are mapped; the detector did not join them" in page
+    assert "False: r1. The map does not hold its walls" in page
     assert "20.0 / 31.0 ms" in page
     assert 'class="bad">This run' not in page
     metrics = METRICS | {"status": "failed", "error": "collision"}
@@ -125,8 +129,11 @@ def test_what_it_says(run: Path) -> None:
 
 def test_a_run_without_truth(run: Path) -> None:
     (run / "truth.tum").unlink()
+    (run / "rooms.csv").unlink()
     page = run_page(read_run(run))
     assert "Error along the path" not in page
+    assert "missed" not in page
+    assert '<th scope="row">-</th><td>-</td><td>r0</td>' in page
     read(page)
 
 
@@ -144,6 +151,11 @@ def test_bad_input(run: Path, tmp_path: Path) -> None:
     (run / "metrics.json").write_text("{")
     with pytest.raises(InputError, match=r"metrics\.json: line 1: not JSON"):
         read_run(run)
+    (run / "metrics.json").write_text("{}")
+    for rooms, said in (("", "line 1: room,state"), ("room,state,detection,cause\na,b", "line 2")):
+        (run / "rooms.csv").write_text(rooms)
+        with pytest.raises(InputError, match=rf"rooms\.csv: {said}"):
+            read_run(run)
     with pytest.raises(InputError, match="neither a run nor tables"):
         ablation_page(tmp_path)
 

@@ -12,14 +12,22 @@ import numpy as np
 import pytest
 
 from eval.commands.view import watchers
+from eval.report.photo import BROWSERS, browser, photograph
 from eval.view import viewers
 from eval.view.live import LiveSink
 from eval.view.recorder import Recorder
+from eval.view.shapes import colour_of
 from eval.view.shots import Shot, take
 from eval.view.targets import FileTarget, ViewerTarget
 from eval.view.viewers import ViewerError, free_port, open_page, open_window
 
 Play = Callable[..., None]
+
+ROOM = 7
+"""The room with planes that the run of ``play`` finds."""
+
+SHARE = 0.002
+"""Share of a picture that has the room's hue, at least, where the room is drawn."""
 
 
 @pytest.fixture
@@ -55,12 +63,16 @@ def test_nobody_asked_for() -> None:
     assert watchers(window=False, page=False) == []
 
 
-def drawn(png: bytes) -> float:
-    """Share of the picture that is coloured: rooms, planes and paths are, the viewer is grey."""
+def share_of_room(png: bytes) -> float:
+    """Share of the picture that has the hue of the room: its node, its edges and its sides have."""
     from PIL import Image
 
-    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
-    return float((np.ptp(pixels, axis=2) > 60).mean())
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
+    hues, hue = pixels - pixels.min(axis=2, keepdims=True), np.array(colour_of(ROOM), dtype=float)
+    hue -= hue.min()
+    lengths = np.linalg.norm(hues, axis=2) * np.linalg.norm(hue)
+    alike = hues @ hue > 0.98 * np.maximum(lengths, 1.0)
+    return float((alike & (np.ptp(pixels, axis=2) > 60)).mean())
 
 
 @pytest.mark.slow
@@ -87,5 +99,20 @@ def test_the_native_viewer_shows_rooms(tmp_path: Path, play: Play) -> None:
         at_start, at_end = take(path, [Shot(0.4), Shot(0.5)], (800, 500))
     except ViewerError as error:
         pytest.skip(f"no headless viewer here: {error}")
-    assert drawn(at_start) > 0.01
-    assert drawn(at_end) < drawn(at_start)  # all rooms were retracted
+    assert share_of_room(at_start) > SHARE
+    assert share_of_room(at_end) < 0.1 * SHARE  # all rooms were retracted
+
+
+@pytest.mark.slow
+def test_the_page_shows_rooms(play: Play) -> None:
+    """What a browser sees of a stream, as with --serve."""
+    if browser() is None:
+        pytest.skip(f"no browser here that takes pictures of pages: {', '.join(BROWSERS)}")
+    viewer = open_page()
+    try:
+        assert viewer.page is not None
+        play(Recorder(ViewerTarget(viewer.address)), retract=False)
+        picture = photograph(viewer.page, (900, 600), lambda png: share_of_room(png) > SHARE)
+    finally:
+        viewer.stop()
+    assert share_of_room(picture) > SHARE
