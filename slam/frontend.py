@@ -6,8 +6,19 @@ import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slam.core import Array, Frame, InputError, KeyframeScan, Odometry, Scan, inverse, so3_log
+from slam.core import (
+    Array,
+    Frame,
+    InputError,
+    IntArray,
+    KeyframeScan,
+    Odometry,
+    Scan,
+    inverse,
+    so3_log,
+)
 from slam.extraction import ExtractionConfig, extract_planes
 from slam.odometry import MotionLimits, Stamped, check_motion
 from slam.tracking import PlaneTracker, TrackingConfig
@@ -17,8 +28,9 @@ from slam.tracking import PlaneTracker, TrackingConfig
 class FrontEndConfig:
     """When a scan becomes a keyframe, and what is kept of it.
 
-    distance [m] and angle [rad] since the last keyframe; every: one in so many returns is kept
-    beside the planes (the detectors that read free space need no more); limits: of the motion.
+    distance [m] and angle [rad] since the last keyframe; every: of each beam one in so many returns
+    is kept beside the planes (the detectors that read free space need no more); limits: of the
+    motion.
     """
 
     distance: float = 0.4
@@ -72,7 +84,20 @@ class FrontEnd:
         self._tracker.learn(planes)
         # Single precision is exact to a micrometre, and what is stored replays to the bit.
         planes = tuple(replace(p, points=p.points.astype(np.float32)) for p in planes)
-        return KeyframeScan(planes, points[:: self._config.every].astype(np.float32), origin)
+        kept = points[thinned(scan.ring, self._config.every)]
+        return KeyframeScan(planes, kept.astype(np.float32), origin)
+
+
+def thinned(ring: NDArray[np.integer], every: int) -> IntArray:
+    """Places of one in ``every`` returns of each beam, in the order of the sweep. ring: (N,).
+
+    Beams take turns. A stride over all returns would not do: they come column by column, so that
+    a stride of 4 keeps 4 beams of 16 until a return is missing, and then 4 others.
+    """
+    order = np.argsort(ring, kind="stable")
+    beams, first, count = np.unique(ring[order], return_index=True, return_counts=True)
+    turn = np.arange(len(ring)) - np.repeat(first, count) + np.repeat(beams, count)
+    return np.sort(order[turn % every == 0])
 
 
 def _check(scan: Scan) -> None:

@@ -5,7 +5,7 @@ import pytest
 from synthetic import base_pose, box_planes, scan_box
 
 from slam.core import RunError, inverse
-from slam.frontend import FrontEnd
+from slam.frontend import FrontEnd, FrontEndConfig, thinned
 
 BOX = box_planes(6.0, 4.0, 2.7)
 
@@ -47,3 +47,32 @@ def test_a_jump_that_nothing_catches_is_an_error():
         front_end.process(scan)
     with pytest.raises(RunError, match="between two sweeps"):
         front_end.process(scans[5])
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+@pytest.mark.parametrize("every", [1, 4, 5])
+def test_every_beam_keeps_its_share_everywhere_in_the_sweep(every, lost):
+    rng = np.random.default_rng(0)
+    columns, beams = 1800, 16
+    ring = np.tile(rng.permutation(beams), columns).astype(np.int16)
+    column = np.repeat(np.arange(columns), beams)
+    returned = rng.random(len(ring)) >= lost
+    kept = thinned(ring[returned], every)
+    assert (np.diff(kept) > 0).all()
+    assert len(kept) == pytest.approx(returned.sum() / every, abs=beams)
+    # In each stretch of three turns there is every beam, as far as it came back at all.
+    stretch = column[returned][kept] // (3 * every)
+    seen = {*zip(stretch, ring[returned][kept], strict=True)}
+    there = columns // (3 * every) * beams
+    assert len(seen) >= (0.995 if lost else 1.0) * there
+
+
+def test_a_keyframe_keeps_points_of_all_beams():
+    poses, start = still_poses(1)
+    scan = scan_box(BOX, start, np.random.default_rng(0))
+    frame = FrontEnd(Jumping(poses, 5), FrontEndConfig(every=4)).process(scan)
+    away = frame.keyframe.points - frame.keyframe.origin
+    elevation = np.degrees(np.arcsin(away[:, 2] / np.linalg.norm(away, axis=1)))
+    beam, count = np.unique(np.rint((elevation + 15.0) / 2.0), return_counts=True)
+    assert beam.tolist() == list(range(16))
+    assert count.min() >= len(scan) // 16 // 4 - 1
