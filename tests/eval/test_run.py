@@ -128,7 +128,8 @@ def test_stopping_a_run_keeps_what_there_was(tmp_path):
     metrics = read_metrics(tmp_path / "run" / "metrics.json")
     assert metrics.status == "cut_off"
     assert metrics.simulated_s == pytest.approx(2.1)
-    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES
+    left = {path.name for path in (tmp_path / "run").iterdir()}
+    assert left == FILES - {"rooms.csv"}  # straight on for 2 s: nothing to align rooms by
 
 
 def test_bad_input_leaves_nothing_behind(tmp_path):
