@@ -80,16 +80,11 @@ def orthonormal(T_a_b: Array) -> Array:
 def skew(v: Array) -> Array:
     """(..., 3, 3) matrices with skew(v) @ u = v x u."""
     v = np.asarray(v, dtype=np.float64)
-    zero = np.zeros(v.shape[:-1])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    return np.stack(
-        [
-            np.stack([zero, -z, y], axis=-1),
-            np.stack([z, zero, -x], axis=-1),
-            np.stack([-y, x, zero], axis=-1),
-        ],
-        axis=-2,
-    )
+    matrices = np.zeros((*v.shape, 3))
+    matrices[..., 2, 1] = v[..., 0]
+    matrices[..., 0, 2] = v[..., 1]
+    matrices[..., 1, 0] = v[..., 2]
+    return matrices - np.swapaxes(matrices, -1, -2)
 
 
 def so3_exp(rotation_vectors: Array) -> Array:
@@ -263,6 +258,11 @@ class PlaneObservation:
     covariance: Array
     points: Floats
     point_index: IntArray
+
+    @cached_property
+    def rows(self) -> Array:
+        """(3, 3) both ``plane_axes`` and the centroid: what a plane's normal is compared along."""
+        return np.stack([*plane_axes(self.normal), self.centroid])
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, in_base, scan_box
 
-from slam.backend import BackEnd, BackEndConfig, opposed_pairs
+from slam.backend import BackEnd, BackEndConfig
 from slam.core import (
     Frame,
     InputError,
@@ -173,12 +173,6 @@ def test_a_first_keyframe_without_planes_starts_a_map():
     bare = KeyframeScan((), np.zeros((0, 3)), np.zeros(3))
     assert backend.add(Frame(0, 0.0, np.eye(4), np.eye(4), bare))
     assert backend.view().planes == []
-
-
-def test_pairs_are_opposed_and_the_second_lies_across_the_first():
-    normals = [np.array(n, float) for n in ([1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0])]
-    assert set(opposed_pairs(normals)) == {(0, 2), (1, 3)}
-    assert opposed_pairs(normals[:2]) == ()
 
 
 def test_observation_of_a_merged_plane_moves_with_it():
