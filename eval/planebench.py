@@ -103,7 +103,9 @@ def planar_patches(look: Look) -> list[Patch]:
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(30))
     found = []
     for box in cloud.detect_planar_patches(search_param=o3d.geometry.KDTreeSearchParamKNN(30)):
-        thick = o3d.geometry.OrientedBoundingBox(box.center, box.R, box.extent + [0, 0, 0.06])
+        thick = o3d.geometry.OrientedBoundingBox(
+            box.center, box.R, box.extent + np.array([0.0, 0.0, 0.06])
+        )
         places = np.asarray(thick.get_point_indices_within_bounding_box(cloud.points))
         if len(places):
             found.append(_patch(np.asarray(box.R)[:, 2], np.asarray(box.center), places, look))
