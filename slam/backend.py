@@ -27,7 +27,7 @@ from slam.core import (
 from slam.graph import GraphConfig, LayeredGraph
 from slam.loops import Loop, LoopCloser, LoopConfig
 from slam.nodes import room_nodes, wall_nodes
-from slam.path import Path
+from slam.path import Anchor, Path
 from slam.planemap import PlaneMap, PlaneMapConfig
 from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
 from slam.support import Observed
@@ -39,13 +39,16 @@ log = logging.getLogger(__name__)
 class BackEndConfig:
     """layers: what enters the graph beside keyframes and planes; factors: how it constrains the
     planes, as published or by the relations too; loops: None closes none;
-    merge_every: keyframes between two searches for planes that are one."""
+    merge_every: keyframes between two searches for planes that are one; near [m], often: a keyframe
+    so near an earlier one adds nothing if all planes that it sees have been seen so often."""
 
     layers: str = "rooms+walls"
     factors: str = "paper"
     relations: RelationConfig = field(default_factory=RelationConfig)
     loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
+    near: float = 0.25
+    often: int = 10
     graph: GraphConfig = field(default_factory=GraphConfig)
     planes: PlaneMapConfig = field(default_factory=PlaneMapConfig)
 
@@ -72,23 +75,30 @@ class BackEnd:
 
     def add(self, frame: Frame) -> bool:
         """Takes a frame in; True when it was a keyframe and the map has changed."""
+        count, anchor = len(self._keyframes), None
         try:
             if frame.keyframe is not None:
-                self._add_keyframe(frame)
+                anchor = self._add_keyframe(frame)
         finally:  # a graph that cannot be solved leaves a trajectory, the last good one
-            self._path.add(frame, self._T_map_track @ frame.T_track_base)
-        return frame.keyframe is not None
+            self._path.add(frame, self._T_map_track @ frame.T_track_base, anchor)
+        return len(self._keyframes) > count
 
-    def _add_keyframe(self, frame: Frame) -> None:
+    def _add_keyframe(self, frame: Frame) -> Anchor:
+        """Adds it to the map, or finds where it is beside a keyframe that has seen as much."""
         assert frame.keyframe is not None
         keyframe = len(self._keyframes)
         T_map_base = self._T_map_track @ frame.T_track_base
         previous = self._keyframes[-1] if self._keyframes else None
         step = None if previous is None else inverse(previous.T_track_base) @ frame.T_track_base
-        self._way += 0.0 if step is None else float(np.linalg.norm(step[:3, 3]))
         planes = self._usable_planes(keyframe, frame.keyframe)
         seen = [observation for _, observation in planes]
-        T_map_base, known = self._planes.associate(T_map_base, seen, self._way)
+        way = self._way + (0.0 if step is None else float(np.linalg.norm(step[:3, 3])))
+        T_map_base, known = self._planes.associate(T_map_base, seen, way)
+        nearest = self._that_saw_as_much(T_map_base, known)
+        if nearest is not None:
+            self._T_map_track = T_map_base @ inverse(frame.T_track_base)
+            return nearest, inverse(self._estimates.poses[nearest]) @ T_map_base
+        self._way = way
         self._graph.add_keyframe(keyframe, T_map_base, step)
         self._keyframes.append(frame)
         self._scans.append(frame.keyframe)
@@ -98,6 +108,20 @@ class BackEnd:
         self.optimise(whole=self._close_loop())
         if keyframe % self._config.merge_every == 0:
             self._merge()
+        return keyframe, np.eye(4)
+
+    def _that_saw_as_much(self, T_map_base: Array, known: Sequence[int | None]) -> int | None:
+        """The keyframe beside which another one adds nothing, if there is one: as many keyframes
+        as the building has places are enough, however long the base goes about in it."""
+        config = self._config
+        places = self._estimates.poses[:, :3, 3]
+        if len(known) < 3 or len(places) == 0:
+            return None
+        often = (
+            plane is not None and self._planes.times_seen(plane) >= config.often for plane in known
+        )
+        distance = np.linalg.norm(places - T_map_base[:3, 3], axis=1)
+        return int(distance.argmin()) if distance.min() < config.near and all(often) else None
 
     def _usable_planes(
         self, keyframe: int, scan: KeyframeScan

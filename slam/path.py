@@ -8,6 +8,9 @@ import numpy as np
 
 from slam.core import Array, Frame, interpolate, inverse, pose
 
+Anchor = tuple[int, Array]
+"""A keyframe of the graph, and where (4, 4) another frame is in its frame."""
+
 
 class Path:
     """Every frame in order, and where it was thought to be when it came."""
@@ -15,12 +18,13 @@ class Path:
     def __init__(self) -> None:
         self._frames: list[Frame] = []
         self._online: list[Array] = []
-        self._keyframes: list[int] = []
+        self._anchors: list[tuple[int, int, Array]] = []
 
-    def add(self, frame: Frame, T_map_base: Array) -> None:
-        """The next frame, and its pose as it is known now (its planes are not kept)."""
-        if frame.keyframe is not None:
-            self._keyframes.append(len(self._frames))
+    def add(self, frame: Frame, T_map_base: Array, anchor: Anchor | None) -> None:
+        """The next frame, and its pose as it is known now (its planes are not kept). anchor: of a
+        frame that is a keyframe, or has been seen to stand near one."""
+        if anchor is not None:
+            self._anchors.append((len(self._frames), *anchor))
         self._frames.append(replace(frame, keyframe=None))
         self._online.append(T_map_base)
 
@@ -48,12 +52,13 @@ class Path:
     def trajectory(self, keyframe_poses: Array) -> Array:
         """(N, 4, 4) T_map_base of every frame, from those of the keyframes (K, 4, 4).
 
-        Between two keyframes the correction of the tracking goes over from one's to the other's.
+        Between two anchored frames the correction of the tracking goes over from one's to the
+        other's.
         """
-        first = np.array(self._keyframes)
+        first = np.array([place for place, _, _ in self._anchors])
         corrections = [
-            T_map_base @ inverse(self._frames[place].T_track_base)
-            for T_map_base, place in zip(keyframe_poses, self._keyframes, strict=True)
+            keyframe_poses[keyframe] @ T_keyframe_base @ inverse(self._frames[place].T_track_base)
+            for place, keyframe, T_keyframe_base in self._anchors
         ]
         poses = []
         for place, frame in enumerate(self._frames):

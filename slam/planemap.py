@@ -83,6 +83,10 @@ class PlaneMap:
         self._of_keyframe.setdefault(observed.keyframe, set()).add(plane)
         self._unchecked.add(plane)
 
+    def times_seen(self, plane: int) -> int:
+        """How many observations support a plane."""
+        return len(self._supports[plane].observed)
+
     # --- planes that are one ---
 
     def duplicates(self, last: bool = False) -> list[tuple[int, int]]:
