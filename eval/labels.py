@@ -213,6 +213,14 @@ class TruthKeeper:
         """(M, 3) keyframe returns as measured, at the true poses of their instants, world frame."""
         return self._store.points_of(point_ids)
 
+    def poses_at(self, stamps: Array) -> Array:
+        """(K, 4, 4) true T_world_base of scans by when they ended; NaN where it is not known."""
+        known = np.array([*self._stamps, np.inf])
+        places = np.searchsorted(known, stamps)
+        poses = np.array([*self._poses, np.full((4, 4), np.nan)])[places]
+        poses[known[places] != stamps] = np.nan
+        return np.asarray(poses)
+
     @property
     def trajectory(self) -> Trajectory:
         """The true trajectory, world frame, one pose per scan; NaN where it is not known."""

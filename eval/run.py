@@ -259,8 +259,8 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
 
 def _loops(parts: _Parts) -> Loops:
     """Loop closures against the truth, where it is known at every keyframe."""
-    scans = np.array(parts.keeper.keyframe_scans, dtype=np.int64)
-    poses = parts.keeper.trajectory.poses[scans]
+    stamps = np.array([keyframe.stamp for keyframe in parts.backend.keyframes()])
+    poses = parts.keeper.poses_at(stamps)
     if not np.isfinite(poses).all():
         return Loops()
     found = score_loops(parts.backend.loops, poses)

@@ -88,9 +88,9 @@ def score_consistency(
     well the factors fit."""
     chi2 = ChiSquares.of(graph.chi_squares())
     keeper = record.keeper
-    scans = np.array(keeper.keyframe_scans, dtype=np.int64)
-    true = keeper.trajectory.poses[scans]
-    estimated = np.array([keyframe.T_map_base for keyframe in record.view.keyframes])
+    keyframes = record.view.keyframes
+    true = keeper.poses_at(np.array([keyframe.stamp for keyframe in keyframes]))
+    estimated = np.array([keyframe.T_map_base for keyframe in keyframes])
     if len(true) == 0 or not np.isfinite(true).all():
         return Consistency(chi2=chi2)
     T_world_map = true[0] @ inverse(estimated[0])

@@ -58,7 +58,7 @@ def time_sweeps(
     keep = _Keep(caster)
     rays_of = Lidar(sensor, keep, rng, lidar.T_base_lidar)
     table = []
-    for index, motion in enumerate(_motions(world, sensor, sweeps + 5, rng)):
+    for index, motion in enumerate(motions(world, sensor, sweeps + 5, rng)):
         rays_of.sweep(index, sensor.period, motion)
         table.append(
             [
@@ -103,9 +103,7 @@ def _timed(call: Callable[[], object]) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
-def _motions(
-    world: World, sensor: Sensor, count: int, rng: np.random.Generator
-) -> Sequence[Motion]:
+def motions(world: World, sensor: Sensor, count: int, rng: np.random.Generator) -> Sequence[Motion]:
     """Arcs of a tenth of a second in the middle of rooms, the largest rooms left to chance."""
     rooms = world.truth.rooms
     chosen = (rooms[i] for i in rng.integers(len(rooms), size=count))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slam.core import Array, PlaneObservation, plane_axes, pose, skew, so3_exp
+from slam.core import Array, PlaneObservation, pose, skew, so3_exp
 
 Sight = tuple[PlaneObservation, Array, float, Array]
 """An observation, the normal (3,) and d of the mapped plane that it seems to be of, and the
@@ -30,32 +30,33 @@ def aligned(
 ) -> Array:
     """T_map_base (4, 4) moved to where the observations fit the planes best."""
     prior = np.diag([config.rotation**-2.0] * 3 + [config.translation**-2.0] * 3)
-    weights = [np.linalg.inv(covariance) for *_, covariance in sights]
+    rows = np.array([observation.rows for observation, *_ in sights])
+    normals = np.array([normal for _, normal, _, _ in sights])
+    d = np.array([d for _, _, d, _ in sights])
+    weights = np.linalg.inv(np.array([covariance for *_, covariance in sights]))
     T: Array = T_map_base
     moved: Array = np.zeros(6)
     for _ in range(config.iterations):
-        information, right = prior.copy(), -prior @ moved
-        for (observation, normal, d, _), weight in zip(sights, weights, strict=True):
-            residual, jacobian = _difference(T, observation, normal, d)
-            chi2 = float(residual @ weight @ residual)
-            weighted = jacobian.T @ weight / (1.0 + chi2 / config.robust**2)
-            information += weighted @ jacobian
-            right -= weighted @ residual
+        residual, jacobian = _differences(T, rows, normals, d)
+        weighted = np.einsum("nij,nj->ni", weights, residual)
+        chi2 = np.einsum("ni,ni->n", residual, weighted)
+        share = 1.0 / (1.0 + chi2 / config.robust**2)
+        turned = (jacobian.transpose(0, 2, 1) @ weights) * share[:, None, None]
+        information = prior + (turned @ jacobian).sum(axis=0)
+        right = -prior @ moved - np.einsum("nij,nj->i", turned, residual)
         step = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
         T = T @ pose(so3_exp(step[:3]), step[3:])
         moved = moved + step
     return T
 
 
-def _difference(
-    T: Array, observation: PlaneObservation, normal: Array, d: float
-) -> tuple[Array, Array]:
-    """The residual of ``keyframe_plane_factor`` (3,), and its derivative (3, 6) by the pose."""
-    rows = np.stack([*plane_axes(observation.normal), observation.centroid])
-    n_base = normal @ T[:3, :3]
-    residual = rows @ n_base
-    residual[2] += d + normal @ T[:3, 3]
-    jacobian = np.zeros((3, 6))
-    jacobian[:, :3] = rows @ skew(n_base)
-    jacobian[2, 3:] = n_base
+def _differences(T: Array, rows: Array, normals: Array, d: Array) -> tuple[Array, Array]:
+    """The residuals of ``keyframe_plane_factor`` (N, 3), and their derivatives (N, 3, 6) by the
+    pose. rows: (N, 3, 3) of the observations; normals (N, 3), d (N,): the planes."""
+    n_base = normals @ T[:3, :3]
+    residual = np.einsum("nij,nj->ni", rows, n_base)
+    residual[:, 2] += d + normals @ T[:3, 3]
+    jacobian = np.zeros((len(rows), 3, 6))
+    jacobian[:, :, :3] = rows @ skew(n_base)
+    jacobian[:, 2, 3:] = n_base
     return residual, jacobian

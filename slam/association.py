@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.charts import Chart
-from slam.core import Array, PlaneObservation, plane_axes
+from slam.core import Array, PlaneObservation
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _at(place: Array) -> Array:
 
 def in_chart(chart: Chart, T_map_base: Array, observation: PlaneObservation) -> Array:
     """An observation's covariance (3, 3) in the axes of a chart that faces nearly the same way."""
-    axes = np.stack(plane_axes(observation.normal)) @ T_map_base[:3, :3].T
+    axes = observation.rows[:2] @ T_map_base[:3, :3].T
     turn = np.eye(3)
     turn[:2, :2] = chart.frame[:2] @ axes.T
     return np.asarray(turn @ observation.covariance @ turn.T, dtype=np.float64)

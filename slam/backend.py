@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import overload
 
@@ -19,19 +19,18 @@ from slam.core import (
     MapView,
     PlaneObservation,
     Proposals,
-    RoomProposal,
     RunError,
-    WallProposal,
-    interpolate,
     inverse,
-    pose,
     transform_plane,
     transform_points,
 )
 from slam.graph import GraphConfig, LayeredGraph
 from slam.loops import Loop, LoopCloser, LoopConfig
-from slam.planemap import Observed, PlaneMap, PlaneMapConfig
+from slam.nodes import room_nodes, wall_nodes
+from slam.path import Anchor, Path
+from slam.planemap import PlaneMap, PlaneMapConfig
 from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
+from slam.support import Observed
 
 log = logging.getLogger(__name__)
 
@@ -40,13 +39,16 @@ log = logging.getLogger(__name__)
 class BackEndConfig:
     """layers: what enters the graph beside keyframes and planes; factors: how it constrains the
     planes, as published or by the relations too; loops: None closes none;
-    merge_every: keyframes between two searches for planes that are one."""
+    merge_every: keyframes between two searches for planes that are one; near [m], often: a keyframe
+    so near an earlier one adds nothing if all planes that it sees have been seen so often."""
 
     layers: str = "rooms+walls"
     factors: str = "paper"
     relations: RelationConfig = field(default_factory=RelationConfig)
     loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
+    near: float = 0.25
+    often: int = 10
     graph: GraphConfig = field(default_factory=GraphConfig)
     planes: PlaneMapConfig = field(default_factory=PlaneMapConfig)
 
@@ -60,11 +62,9 @@ class BackEnd:
         self._graph = LayeredGraph(config.graph)
         self._estimates = self._graph.estimates
         self._planes = PlaneMap(self._estimates, config.planes)
-        self._frames: list[Frame] = []
-        self._online: list[Array] = []
+        self._path = Path()
         self._keyframes: list[Frame] = []
         self._scans: list[KeyframeScan] = []
-        self._places: list[int] = []
         self._way = 0.0
         self._T_map_track = np.eye(4)
         self._failed = False
@@ -75,34 +75,53 @@ class BackEnd:
 
     def add(self, frame: Frame) -> bool:
         """Takes a frame in; True when it was a keyframe and the map has changed."""
-        self._frames.append(replace(frame, keyframe=None))
+        count, anchor = len(self._keyframes), None
         try:
             if frame.keyframe is not None:
-                self._add_keyframe(frame)
+                anchor = self._add_keyframe(frame)
         finally:  # a graph that cannot be solved leaves a trajectory, the last good one
-            self._online.append(self._T_map_track @ frame.T_track_base)
-        return frame.keyframe is not None
+            self._path.add(frame, self._T_map_track @ frame.T_track_base, anchor)
+        return len(self._keyframes) > count
 
-    def _add_keyframe(self, frame: Frame) -> None:
+    def _add_keyframe(self, frame: Frame) -> Anchor:
+        """Adds it to the map, or finds where it is beside a keyframe that has seen as much."""
         assert frame.keyframe is not None
         keyframe = len(self._keyframes)
         T_map_base = self._T_map_track @ frame.T_track_base
         previous = self._keyframes[-1] if self._keyframes else None
         step = None if previous is None else inverse(previous.T_track_base) @ frame.T_track_base
-        self._way += 0.0 if step is None else float(np.linalg.norm(step[:3, 3]))
         planes = self._usable_planes(keyframe, frame.keyframe)
         seen = [observation for _, observation in planes]
-        T_map_base, known = self._planes.associate(T_map_base, seen, self._way)
+        way = self._way + (0.0 if step is None else float(np.linalg.norm(step[:3, 3])))
+        T_map_base, known = self._planes.associate(T_map_base, seen, way)
+        nearest = self._that_saw_as_much(T_map_base, known)
+        if nearest is not None:
+            self._T_map_track = T_map_base @ inverse(frame.T_track_base)
+            return nearest, inverse(self._estimates.poses[nearest]) @ T_map_base
+        self._way = way
         self._graph.add_keyframe(keyframe, T_map_base, step)
         self._keyframes.append(frame)
         self._scans.append(frame.keyframe)
-        self._places.append(len(self._frames) - 1)
         for (place, observation), plane in zip(planes, known, strict=True):
             self._add_observation(T_map_base, Observed(keyframe, place, observation), plane)
         self._drop_doubtful(keyframe)
         self.optimise(whole=self._close_loop())
         if keyframe % self._config.merge_every == 0:
             self._merge()
+        return keyframe, np.eye(4)
+
+    def _that_saw_as_much(self, T_map_base: Array, known: Sequence[int | None]) -> int | None:
+        """The keyframe beside which another one adds nothing, if there is one: as many keyframes
+        as the building has places are enough, however long the base goes about in it."""
+        config = self._config
+        places = self._estimates.poses[:, :3, 3]
+        if len(known) < 3 or len(places) == 0:
+            return None
+        often = (
+            plane is not None and self._planes.times_seen(plane) >= config.often for plane in known
+        )
+        distance = np.linalg.norm(places - T_map_base[:3, 3], axis=1)
+        return int(distance.argmin()) if distance.min() < config.near and all(often) else None
 
     def _usable_planes(
         self, keyframe: int, scan: KeyframeScan
@@ -175,10 +194,9 @@ class BackEnd:
         """The rooms and walls that the graph holds from now on."""
         if self._config.layers == "planes":
             return
-        rooms = {room.id: node for room in proposals.rooms if (node := self._room_node(room))}
-        walls: dict[int, WallNode] = {}
-        if self._config.layers == "rooms+walls":
-            walls = {wall.id: w for wall in proposals.walls if (w := self._wall_node(wall))}
+        rooms = room_nodes(proposals.rooms, self._planes, self._estimates.normals)
+        with_walls = self._config.layers == "rooms+walls"
+        walls = wall_nodes(proposals.walls, self._planes) if with_walls else {}
         self._graph.set_concepts(rooms, walls)
         if self._config.factors == "informative":
             self._merge_pairs(self._alike(rooms))
@@ -208,24 +226,6 @@ class BackEnd:
             relations |= set(self._thicknesses.relations(held, normals, self._estimates.offsets))
         self._graph.set_relations(relations, config)
 
-    def _room_node(self, room: RoomProposal) -> RoomNode | None:
-        planes = tuple(
-            dict.fromkeys(piece.plane_id for piece in room.pieces if piece.plane_id in self._planes)
-        )
-        if not planes:
-            return None
-        pairs = opposed_pairs([self._estimates.normals[plane] for plane in planes])
-        height = float(np.mean([np.mean(self._planes.view(plane).z_range) for plane in planes]))
-        return RoomNode(planes, pairs, np.append(room.centre, height))
-
-    def _wall_node(self, wall: WallProposal) -> WallNode | None:
-        first, second = (piece.plane_id for piece in wall.pieces)
-        if first == second or first not in self._planes or second not in self._planes:
-            return None
-        middle = np.mean([piece.segment.mean(axis=0) for piece in wall.pieces], axis=0)
-        height = float(np.mean(self._planes.view(first).z_range))
-        return WallNode((first, second), np.append(middle, height))
-
     def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
         """Solves the graph and brings poses, planes and the map's points up to date.
 
@@ -246,11 +246,11 @@ class BackEnd:
 
     def view(self) -> MapView:
         """The map as estimated now."""
-        return MapView(self._frames[-1].stamp, self._planes.views(), self.keyframes())
+        return MapView(self._path.stamp, self._planes.views(), self.keyframes())
 
     def dense_view(self) -> MapView:
         """The same with every point that was kept of the planes, for the map that is written."""
-        return MapView(self._frames[-1].stamp, self._planes.dense(), self.keyframes())
+        return MapView(self._path.stamp, self._planes.dense(), self.keyframes())
 
     def keyframes(self) -> Sequence[Keyframe]:
         """All keyframes with their poses as estimated now."""
@@ -263,43 +263,23 @@ class BackEnd:
 
     def latest(self) -> Array:
         """T_map_base (4, 4) of the last scan as it is known now."""
-        return self._online[-1]
+        return self._path.latest()
 
     def stamps(self) -> Array:
         """(N,) the end of every sweep [s]."""
-        return np.array([frame.stamp for frame in self._frames])
+        return self._path.stamps()
 
     def odometry(self) -> Array:
         """(N, 4, 4) T_map_base of every scan by the odometry alone (map = odom at the start)."""
-        return np.array([frame.T_odom_base for frame in self._frames])
+        return self._path.odometry()
 
     def online(self) -> Array:
         """(N, 4, 4) T_map_base of every scan as it was known when the scan had been processed."""
-        return np.array(self._online)
+        return self._path.online()
 
     def trajectory(self) -> Array:
-        """(N, 4, 4) T_map_base of every scan as estimated now.
-
-        Between two keyframes the correction of the tracking goes over from one's to the other's.
-        """
-        first = np.array(self._places)
-        poses = []
-        for place, frame in enumerate(self._frames):
-            before = int(np.searchsorted(first, place, side="right")) - 1
-            after = min(before + 1, len(first) - 1)
-            span = first[after] - first[before]
-            fraction = (place - first[before]) / span if span else 0.0
-            poses.append(self._correction(before, after, fraction) @ frame.T_track_base)
-        return np.array(poses)
-
-    def _correction(self, before: int, after: int, fraction: float) -> Array:
-        """T_map_track between two keyframes."""
-        T_before, T_after = (
-            self._estimates.poses[k] @ inverse(self._keyframes[k].T_track_base)
-            for k in (before, after)
-        )
-        rotations, translations = interpolate(T_before, T_after, np.array([fraction]))
-        return pose(rotations[0], translations[0])
+        """(N, 4, 4) T_map_base of every scan as estimated now."""
+        return self._path.trajectory(self._estimates.poses)
 
     def graph(self) -> LayeredGraph:
         """The layered graph itself, for its nodes and edges."""
@@ -337,24 +317,3 @@ class _Keyframes(Sequence[Keyframe]):
         frame = self._frames[k]
         assert frame.keyframe is not None
         return Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe)
-
-
-def opposed_pairs(
-    normals: Sequence[Array], tolerance: float = np.radians(20.0)
-) -> tuple[tuple[int, int], ...]:
-    """Up to two pairs of opposed planes, the second pair across the first.
-
-    normals: (3,) each. What the paper's factors for rooms of four and of two planes need: the most
-    nearly opposed pair, and the most nearly opposed one at right angles to it. No pair: empty.
-    """
-    candidates = sorted(
-        (float(normals[i] @ normals[j]), i, j)
-        for i in range(len(normals))
-        for j in range(i + 1, len(normals))
-    )
-    chosen: list[tuple[int, int]] = []
-    for dot, i, j in candidates:
-        across = not chosen or abs(normals[i] @ normals[chosen[0][0]]) < np.sin(tolerance)
-        if dot < -np.cos(tolerance) and across and len(chosen) < 2:
-            chosen.append((i, j))
-    return tuple(chosen)

@@ -252,6 +252,11 @@ class PlaneObservation:
     points: Floats
     point_index: IntArray
 
+    @cached_property
+    def rows(self) -> Array:
+        """(3, 3) both ``plane_axes`` and the centroid: what a plane's normal is compared along."""
+        return np.stack([*plane_axes(self.normal), self.centroid])
+
 
 @dataclass(frozen=True)
 class KeyframeScan:

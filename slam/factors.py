@@ -14,7 +14,7 @@ import gtsam
 import numpy as np
 
 from slam.charts import Chart
-from slam.core import Array, PlaneObservation, plane_axes, skew
+from slam.core import Array, PlaneObservation, skew
 
 PlaneKey = tuple[int, Chart]
 """A plane variable: gtsam's key, and the chart that its three numbers are in."""
@@ -41,7 +41,7 @@ def keyframe_plane_factor(
     The mapped plane's normal in the keyframe along the observed plane's two tangents [rad], and the
     distance of the observed centroid from the mapped plane [m].
     """
-    rows = np.stack([*plane_axes(observation.normal), observation.centroid])
+    rows = observation.rows
     turned = skew(rows)  # turned[i] @ n = rows[i] x n
     if noise is None:
         noise = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)

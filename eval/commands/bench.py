@@ -7,6 +7,7 @@ import typer
 from eval.commands.growth import growth, semantics
 from eval.commands.odometry import odometry
 from eval.commands.pace import pace
+from eval.commands.planes import planes
 from eval.commands.sensor import sensor
 
 app = typer.Typer(
@@ -14,6 +15,7 @@ app = typer.Typer(
 )
 app.command("odometry")(odometry)
 app.command("pace")(pace)
+app.command("planes")(planes)
 app.command("sensor")(sensor)
 app.command("semantics")(semantics)
 app.command("growth")(growth)

@@ -13,8 +13,10 @@ class ExtractionConfig:
 
     window: length of run over which a beam's local direction is fitted; straight: largest RMS
     residual of a straight window, in standard deviations of the sweep's own noise, which lies
-    within ``noise``; gap: a jump that ends a run, turn: one of its local direction; near: so many
-    standard deviations from its line a run goes on; min_run, min_run_points: smallest run.
+    within ``noise``; gap: a jump that ends a run, and far_gap the same as a share of the range,
+    since returns lie far apart on a wall that one looks along; turn: of the local direction, which
+    ends one too; near: so many standard deviations from its line a run goes on; min_run,
+    min_run_points: smallest run.
 
     step, bend: two lines that are so far apart where one ends and the other begins, or differ so
     much in direction, and explain the returns better by a chi-square of ``gain``, are two walls.
@@ -38,6 +40,7 @@ class ExtractionConfig:
     straight: float = 2.5
     noise: tuple[float, float] = (0.004, 0.02)
     gap: float = 0.25
+    far_gap: float = 0.03
     turn: float = np.radians(8.0)
     near: float = 2.0
     min_run: float = 0.2
@@ -52,7 +55,7 @@ class ExtractionConfig:
     min_length: float = 0.35
     max_lean: float = np.radians(3.0)
     beam_sigma: float = 0.015
-    rest_sigma: float = 0.005
+    rest_sigma: float = 0.003
     flat_sigma: float = 0.004
     plumb_sigma: float = np.radians(1.0)
     level_sigma: float = np.radians(2.0)

@@ -57,11 +57,12 @@ def _windows(
 ) -> tuple[NDArray[np.bool_], Array, float, IntArray]:
     """Of each return's neighbourhood in its beam: is it straight, the direction (mod pi) of its
     line; the sweep's noise; and where the unbroken stretch begins."""
-    step = np.hypot(*(xy[1:] - xy[:-1]).T)
-    cut = np.flatnonzero((sweep.ring[1:] != sweep.ring[:-1]) | (step > config.gap)) + 1
+    reach = np.hypot(*xy.T)
+    jump = np.hypot(*(xy[1:] - xy[:-1]).T) > np.maximum(config.gap, config.far_gap * reach[1:])
+    cut = np.flatnonzero((sweep.ring[1:] != sweep.ring[:-1]) | jump) + 1
     bounds = np.concatenate([[0], cut, [len(xy)]])
     piece = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
-    spacing = np.maximum(np.hypot(*xy.T) * 0.0042, 0.004)
+    spacing = np.maximum(reach * 0.0042, 0.004)
     half = np.clip((0.5 * config.window / spacing).astype(np.int64), 4, 40)
     place = np.arange(len(xy))
     start = np.maximum(place - half, bounds[piece])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, in_base, scan_box
 
-from slam.backend import BackEnd, BackEndConfig, opposed_pairs
+from slam.backend import BackEnd, BackEndConfig
 from slam.core import (
     Frame,
     InputError,
@@ -25,6 +25,7 @@ from slam.graph import LayeredGraph
 from slam.relations import RelationConfig, Thicknesses, room_relations
 
 BOX = box_planes(6.0, 4.0, 2.7)
+SENSOR = np.array([0.0, 0.0, 0.5])
 
 
 def true_poses(count):
@@ -78,7 +79,8 @@ def errors(estimated, true):
 def test_the_graph_is_far_better_than_the_odometry(frames):
     made, poses = frames
     backend = run(made)
-    estimate = errors([keyframe.T_map_base for keyframe in backend.keyframes()], poses)
+    trajectory = zip(made, backend.trajectory(), strict=True)
+    estimate = errors([T for frame, T in trajectory if frame.keyframe], poses)
     odometry = errors([frame.T_odom_base for frame in made if frame.keyframe], poses)
     rms = [np.sqrt((e**2).sum(axis=1).mean()) for e in (estimate, odometry)]
     assert rms[1] > 0.03
@@ -89,7 +91,7 @@ def test_every_wall_is_one_plane_and_opposite_faces_are_kept_apart(frames):
     planes = run(frames[0]).dense_view().planes
     assert len(planes) == 5
     for plane in planes:
-        assert len(plane.keyframes) == 30
+        assert len(plane.keyframes) >= 20
         assert np.abs(plane.points @ plane.normal + plane.d).max() < 0.1
         assert len(np.unique(plane.point_ids)) == len(plane.point_ids)
 
@@ -163,6 +165,27 @@ def test_a_keyframe_without_planes_is_carried_by_the_odometry(frames):
     assert np.isfinite(run(with_gap).trajectory()).all()
 
 
+def test_keyframes_that_add_nothing_are_not_added():
+    """Round and round in one room: as many keyframes as there are places, all scans have poses."""
+    rng = np.random.default_rng(7)
+    round_trip = true_poses(13)[:-1]
+    poses = [round_trip[k % 12] for k in range(48)]
+    odometry = drifting(poses, rng)
+    backend = BackEnd()
+    added = []
+    for k, (T, T_odom) in enumerate(zip(poses, odometry, strict=True)):
+        scan = scan_box(BOX, T, rng, index=k)
+        planes = extract_planes(in_base(scan), scan.ring, SENSOR, ExtractionConfig())
+        keyframe = KeyframeScan(planes, np.zeros((0, 3)), SENSOR)
+        added.append(backend.add(Frame(k, 0.1 * k, T_odom, T_odom, keyframe)))
+    backend.finish()
+    assert 12 <= sum(added) <= 24
+    assert not any(added[30:])
+    assert len(backend.keyframes()) == sum(added)
+    assert np.abs(errors(backend.online(), poses)).max() < 0.03
+    assert np.abs(errors(backend.trajectory(), poses)).max() < 0.03
+
+
 def test_a_plane_without_a_direction_is_refused():
     with pytest.raises(InputError, match="a unit normal"):
         LayeredGraph().add_plane(np.zeros(3), 1.0, np.zeros(3))
@@ -173,12 +196,6 @@ def test_a_first_keyframe_without_planes_starts_a_map():
     bare = KeyframeScan((), np.zeros((0, 3)), np.zeros(3))
     assert backend.add(Frame(0, 0.0, np.eye(4), np.eye(4), bare))
     assert backend.view().planes == []
-
-
-def test_pairs_are_opposed_and_the_second_lies_across_the_first():
-    normals = [np.array(n, float) for n in ([1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0])]
-    assert set(opposed_pairs(normals)) == {(0, 2), (1, 3)}
-    assert opposed_pairs(normals[:2]) == ()
 
 
 def test_observation_of_a_merged_plane_moves_with_it():

@@ -1,0 +1,63 @@
+"""What a detector's rooms and walls become in the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from slam.concepts import RoomNode, WallNode
+from slam.core import Array, RoomProposal, WallProposal
+from slam.planemap import PlaneMap
+
+
+def room_nodes(
+    rooms: Iterable[RoomProposal], planes: PlaneMap, normals: Array
+) -> dict[int, RoomNode]:
+    """By the proposals' ids; without those of which no plane is in the map. normals: (P, 3) of all
+    planes, by id."""
+    return {room.id: node for room in rooms if (node := _room_node(room, planes, normals))}
+
+
+def wall_nodes(walls: Iterable[WallProposal], planes: PlaneMap) -> dict[int, WallNode]:
+    """By the proposals' ids; without those that have lost a plane, or are one plane by now."""
+    return {wall.id: node for wall in walls if (node := _wall_node(wall, planes))}
+
+
+def _room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode | None:
+    ids = tuple(dict.fromkeys(piece.plane_id for piece in room.pieces if piece.plane_id in planes))
+    if not ids:
+        return None
+    pairs = opposed_pairs([normals[plane] for plane in ids])
+    height = float(np.mean([np.mean(planes.view(plane).z_range) for plane in ids]))
+    return RoomNode(ids, pairs, np.append(room.centre, height))
+
+
+def _wall_node(wall: WallProposal, planes: PlaneMap) -> WallNode | None:
+    first, second = (piece.plane_id for piece in wall.pieces)
+    if first == second or first not in planes or second not in planes:
+        return None
+    middle = np.mean([piece.segment.mean(axis=0) for piece in wall.pieces], axis=0)
+    height = float(np.mean(planes.view(first).z_range))
+    return WallNode((first, second), np.append(middle, height))
+
+
+def opposed_pairs(
+    normals: Sequence[Array], tolerance: float = np.radians(20.0)
+) -> tuple[tuple[int, int], ...]:
+    """Up to two pairs of opposed planes, the second pair across the first.
+
+    normals: (3,) each. What the paper's factors for rooms of four and of two planes need: the most
+    nearly opposed pair, and the most nearly opposed one at right angles to it. No pair: empty.
+    """
+    candidates = sorted(
+        (float(normals[i] @ normals[j]), i, j)
+        for i in range(len(normals))
+        for j in range(i + 1, len(normals))
+    )
+    chosen: list[tuple[int, int]] = []
+    for dot, i, j in candidates:
+        across = not chosen or abs(normals[i] @ normals[chosen[0][0]]) < np.sin(tolerance)
+        if dot < -np.cos(tolerance) and across and len(chosen) < 2:
+            chosen.append((i, j))
+    return tuple(chosen)
