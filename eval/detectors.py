@@ -77,6 +77,12 @@ def _kiss_wheels() -> Odometry:
     return KissOdometry(KissConfig(wheels=True))
 
 
+def _kiss_published() -> Odometry:
+    from slam.kiss import PublishedKissOdometry
+
+    return PublishedKissOdometry()
+
+
 def _vgicp() -> Odometry:
     from slam.vgicp import VgicpOdometry
 
@@ -98,6 +104,7 @@ DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
 ODOMETRIES: Mapping[str, Callable[[], Odometry]] = {
     "kiss": _kiss,
     "kiss-wheels": _kiss_wheels,
+    "kiss-published": _kiss_published,
     "vgicp": _vgicp,
 }
 

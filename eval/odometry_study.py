@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
+from eval.artefact import code_hash
+from eval.files import whole_file
 from eval.trajectory import Trajectory, score_trajectory
 from sim.base import BaseConfig
 from sim.drive import Drive
 from sim.route import plan_route
 from sim.sensorfile import sensor_named
-from slam.core import Array, Odometry, RunError, Scan
+from slam.core import Array, InputError, Odometry, RunError, Scan
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
 from worlds.generator import random_plan
@@ -26,6 +30,10 @@ Factory = Callable[[], Odometry]
 
 GENERATED = re.compile(r"generated-(\d+)")
 """Names a random building by its seed; presets are chosen on these, never on the catalogue."""
+
+
+CODE = ("worlds", "sim", "slam.core", "slam.odometry", "slam.kiss", "slam.vgicp")
+"""What rows depend on."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +137,44 @@ def _plan(scene: str) -> Plan:
     if generated is None:
         return load_scene(scene)
     return random_plan(np.random.default_rng(int(generated.group(1))))
+
+
+class StudyFile:
+    """The rows of a study, kept as JSON: one that was stopped goes on where it was.
+
+    path: None keeps nothing. Raises InputError for a file that is no study, or of other code.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._code = " ".join(code_hash(module)[:8] for module in CODE)
+        self.rows: list[StudyRow] = []
+        if path is not None and path.exists():
+            self.rows = self._read(path)
+
+    def _read(self, path: Path) -> list[StudyRow]:
+        try:
+            kept = json.loads(path.read_text())
+            code = kept["code"]
+            rows = [StudyRow(**{**row, "case": StudyCase(**row["case"])}) for row in kept["rows"]]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path}: no rows of `bench odometry`: {error}") from error
+        if code != self._code:
+            raise InputError(f"{path}: rows of other code than this; delete it or name another")
+        return rows
+
+    def missing(self, case: StudyCase, names: Iterable[str]) -> list[str]:
+        """The odometries that have no row for a case yet."""
+        known = {row.odometry for row in self.rows if row.case == case}
+        return [name for name in names if name not in known]
+
+    def add(self, rows: Sequence[StudyRow]) -> None:
+        """Keeps more rows, at once on disk."""
+        self.rows += rows
+        if self._path is not None:
+            whole = {"code": self._code, "rows": [asdict(row) for row in self.rows]}
+            with whole_file(self._path) as part:
+                part.write_text(json.dumps(whole, indent=1) + "\n")
 
 
 def _row(case: StudyCase, name: str, record: _Record, whole: Trajectory) -> StudyRow:

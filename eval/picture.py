@@ -33,7 +33,7 @@ class RunPicture:
     """What is drawn, and the alignments (4, 4) that bring it over the truth.
 
     matches: proposal id -> room of true detections; entered: room ids; T_world_odom: the
-    odometry's own alignment.
+    odometry's own alignment; judged: whether rooms were held against the truth.
     """
 
     title: str
@@ -47,6 +47,7 @@ class RunPicture:
     proposals: Proposals = field(default_factory=Proposals)
     matches: Mapping[int, int] = field(default_factory=dict)
     entered: frozenset[int] = frozenset()
+    judged: bool = True
 
 
 def plan_png(record: RunRecord, scores: Scores, path: Path, title: str = "") -> None:
@@ -68,6 +69,7 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
         _over(score.T_truth_estimate, path, true_path)
         for score, path in ((scores.estimate, record.estimate), (scores.odometry, record.odometry))
     ]
+    judged = truth.rooms_known and scores.T_world_map is not None
     return RunPicture(
         title=", ".join(filter(None, [title, _headline(scores)])),
         truth=truth,
@@ -79,7 +81,8 @@ def picture_of(record: RunRecord, scores: Scores, title: str = "") -> RunPicture
         planes=record.view.planes,
         proposals=record.proposals,
         matches=scores.rooms.matches,
-        entered=frozenset(record.keeper.visits.entered if truth.rooms_known else ()),
+        entered=frozenset(record.keeper.visits.entered if judged else ()),
+        judged=judged,
     )
 
 
@@ -95,7 +98,7 @@ def _headline(scores: Scores) -> str:
     if scores.rooms.entered is not None:
         rooms = f"rooms {len(scores.rooms.matches)} of {scores.rooms.entered} entered"
     if ate is None or odometry is None:
-        return f"not aligned, {rooms}"
+        return "not aligned, rooms not judged"
     return f"ATE {100 * ate:.1f} cm (odometry {100 * odometry:.1f} cm), {rooms}"
 
 
@@ -162,7 +165,7 @@ def _draw_room(axes: Axes, room: Room, missed: bool) -> None:
 
 def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
     for room in picture.proposals.rooms:
-        color, label = _judged(room.id in picture.matches, picture.truth)
+        color, label = _verdict(room.id in picture.matches, picture.judged)
         if room.polygon is not None:
             x, y = to_world(picture.T_world_map, room.polygon).T
             axes.fill(x, y, color=color, alpha=0.18, lw=0, zorder=2)
@@ -172,9 +175,9 @@ def _draw_rooms(axes: Axes, picture: RunPicture) -> None:
         axes.plot(*centre, "P", color=color, ms=6, mec="white", mew=0.6, zorder=5, label=label)
 
 
-def _judged(good: bool, truth: Truth) -> tuple[str, str]:
+def _verdict(good: bool, judged: bool) -> tuple[str, str]:
     """Colour and label of a detected room."""
-    if not truth.rooms_known:
+    if not judged:
         return UNJUDGED, "detected"
     return (TRUE, "detected, true") if good else (FALSE, "detected, false")
 

@@ -23,8 +23,13 @@ from slam.core import (
     orthonormal,
     so3_log,
     thread_limit,
+    transform_points,
 )
 from slam.odometry import LIMITS, MotionLimits, Stamped, check_motion
+
+CLEARED = 2.0
+"""Way after which what is too far for a match is taken out of the map [m]: each time the library
+looks through all of it."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +39,10 @@ class KissConfig:
     looked at too (README, "The odometry").
 
     returns: at most about so many of a sweep are used, spread evenly; voxel_size [m]: of the local
-    map, which takes a point from each half of it; source_spacing [m]: between the points that are
-    matched, source_points: how many of them at most, which bounds the cost in large halls;
-    threshold [m]: sigma of the robust kernel, a third of the reach of a match; convergence: the
+    map, voxel_points: how many it keeps in each, map_spacing [m]: between those that a sweep adds;
+    source_spacing [m]: between the points that are matched, source_points: how many of them at
+    most, which bounds the cost in large halls; reach [m]: of a match; kernel [m]: of the robust
+    kernel; convergence: the
     step [m, rad] that ends the matching; max_range, min_range [m]: rooms end earlier; returns from
     the robot itself; again_angle [rad], again_distance [m]: a sweep that moved otherwise than
     predicted by more than either is deskewed and matched a second time; wheels: predict by wheel
@@ -44,11 +50,14 @@ class KissConfig:
     """
 
     returns: int = 5000
-    voxel_size: float = 0.4
-    source_spacing: float = 0.4
-    source_points: int = 300
-    threshold: float = 0.1
-    convergence: float = 5e-4
+    voxel_size: float = 0.2
+    voxel_points: int = 5
+    map_spacing: float = 0.2
+    source_spacing: float = 0.2
+    source_points: int = 1000
+    reach: float = 0.2
+    kernel: float = 0.05
+    convergence: float = 1e-3
     max_range: float = 30.0
     min_range: float = 0.3
     again_angle: float = 0.015
@@ -57,7 +66,49 @@ class KissConfig:
     threads: int = field(default_factory=lambda: thread_limit(2))
 
 
-class KissOdometry:
+class _LidarOdometry:
+    """From the poses of a lidar to those of the base that carries it."""
+
+    def __init__(self, limits: MotionLimits) -> None:
+        self._limits = limits
+        self._last: Stamped | None = None
+
+    def _reported(self, scan: Scan, T_odom_lidar: Array) -> Array:
+        """T_odom_base at the sweep's end; odom is the base at the first sweep's end. Raises
+        RunError when it has lost track."""
+        T_odom_base = orthonormal(scan.T_base_lidar @ T_odom_lidar @ inverse(scan.T_base_lidar))
+        # KISS-ICP differs in its last digits from run to run; nothing after it needs to.
+        T_odom_base = np.round(T_odom_base, 9)
+        check_motion(self._last, (scan.stamp, T_odom_base), self._limits)
+        self._last = (scan.stamp, T_odom_base)
+        return T_odom_base
+
+
+class PublishedKissOdometry(_LidarOdometry):
+    """KISS-ICP as its library composes it, with all of its defaults for sensors of that range [m]
+    (the voxel is a hundredth of it): to compare with."""
+
+    def __init__(self, max_range: float = 30.0, limits: MotionLimits = LIMITS):
+        from kiss_icp.config import KISSConfig
+        from kiss_icp.kiss_icp import KissICP
+
+        super().__init__(limits)
+        config = KISSConfig()
+        config.data.max_range = max_range
+        config.mapping.voxel_size = 0.01 * max_range
+        config.registration.max_num_threads = thread_limit(2)
+        self._kiss = KissICP(config)
+
+    def register(self, scan: Scan) -> Array:
+        """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end.
+
+        Raises RunError when it has lost track.
+        """
+        self._kiss.register_frame(np.array(scan.points, dtype=np.float64), _stamps(scan.times))
+        return self._reported(scan, self._kiss.last_pose)
+
+
+class KissOdometry(_LidarOdometry):
     """KISS-ICP. Its own pose is the sensor's at the END of the sweep."""
 
     def __init__(self, config: KissConfig = KissConfig(), limits: MotionLimits = LIMITS):
@@ -66,16 +117,16 @@ class KissOdometry:
         from kiss_icp.registration import Registration
         from kiss_icp.voxelization import voxel_down_sample
 
+        super().__init__(limits)
         self._config = config
-        self._limits = limits
         self._preprocessor = Preprocessor(config.max_range, config.min_range, True, config.threads)
         self._registration = Registration(500, config.convergence, config.threads)
-        self._map = VoxelHashMap(config.voxel_size, config.max_range, max_points_per_voxel=20)
+        self._map = VoxelHashMap(config.voxel_size, config.max_range, config.voxel_points)
         self._voxel_down_sample = voxel_down_sample
         self._pose = np.eye(4)
         self._step = np.eye(4)
+        self._cleared = np.eye(4)
         self._wheels: WheelOdometry | None = None
-        self._last: Stamped | None = None
 
     def register(self, scan: Scan) -> Array:
         """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end.
@@ -84,13 +135,7 @@ class KissOdometry:
         scan has no wheel odometry.
         """
         self._advance(scan, self._predicted(scan))
-        T_base_lidar = scan.T_base_lidar
-        T_odom_base = orthonormal(T_base_lidar @ self._pose @ inverse(T_base_lidar))
-        # KISS-ICP differs in its last digits from run to run; nothing after it needs to.
-        T_odom_base = np.round(T_odom_base, 9)
-        check_motion(self._last, (scan.stamp, T_odom_base), self._limits)
-        self._last = (scan.stamp, T_odom_base)
-        return T_odom_base
+        return self._reported(scan, self._pose)
 
     def _predicted(self, scan: Scan) -> Array:
         """How the lidar is thought to have moved since the last sweep's end, in its frame then."""
@@ -114,7 +159,10 @@ class KissOdometry:
         moved = np.linalg.inv(self._pose) @ pose
         if self._last is not None and self._is_off(step, moved):
             cloud, pose = self._matched(points, stamps, moved, pose)
-        self._map.update(cloud, pose)
+        self._map.add_points(transform_points(pose, cloud))
+        if np.linalg.norm(pose[:3, 3] - self._cleared[:3, 3]) > CLEARED:
+            self._map.remove_far_away_points(pose[:3, 3])
+            self._cleared = pose
         self._step = np.linalg.inv(self._pose) @ pose
         self._pose = pose
 
@@ -124,14 +172,18 @@ class KissOdometry:
         """The sweep deskewed by ``step`` and thinned for the map, and its pose from ``guess``."""
         config = self._config
         whole = self._preprocessor.preprocess(points, stamps, step)
-        cloud = self._voxel_down_sample(whole, 0.5 * config.voxel_size)
-        source = self._voxel_down_sample(cloud, config.source_spacing)
+        cloud = self._voxel_down_sample(whole, config.map_spacing)
+        source = cloud
+        if config.source_spacing > config.map_spacing:
+            source = self._voxel_down_sample(cloud, config.source_spacing)
+        most = config.source_points
+        # The library takes arrays that are not contiguous point by point, fifty times as long.
         pose = self._registration.align_points_to_map(
-            points=source[:: max(ceil(len(source) / config.source_points), 1)],
+            points=np.ascontiguousarray(source[:: max(ceil(len(source) / most), 1)]),
             voxel_map=self._map,
             initial_guess=guess,
-            max_correspondance_distance=3.0 * config.threshold,
-            kernel=config.threshold,
+            max_correspondance_distance=config.reach,
+            kernel=config.kernel,
         )
         return cloud, pose
 

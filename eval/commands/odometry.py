@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -35,12 +34,15 @@ def odometry(
         Option(help="kiss with changed settings, e.g. voxel_size=0.5,threshold=0.2."),
     ] = None,
     duration: Annotated[float | None, Option(help="Simulated seconds of each drive.")] = None,
-    out: Annotated[Path | None, Option(help="Writes the rows to this JSON file.")] = None,
+    out: Annotated[
+        Path | None,
+        Option(help="Keeps the rows in this JSON file, and goes on with what it lacks."),
+    ] = None,
 ) -> None:
     """Odometries alone on drives of every combination: ATE, RPE, where they lose track."""
     from rich.console import Console
 
-    from eval.odometry_study import StudyCase, cases, study
+    from eval.odometry_study import StudyCase, StudyFile, cases, study
     from eval.screen import RunProgress, our_warnings_only
 
     screen = Console(stderr=True)
@@ -54,16 +56,17 @@ def odometry(
         turn_rate or [StudyCase.turn_rate],
         duration,
     )
-    rows: list[StudyRow] = []
+    kept = StudyFile(out)
     with RunProgress("odometry", screen, "drives") as progress:
         for done, case in enumerate(drives):
-            rows += study(case, made)
+            lacking = kept.missing(case, made)
+            if lacking:
+                kept.add(study(case, {name: made[name] for name in lacking}))
             progress(done + 1, len(drives))
+    rows = [row for row in kept.rows if row.case in drives and row.odometry in made]
     console = Console(width=120)
     console.print(_table(rows))
     console.print(_summary(rows))
-    if out is not None:
-        _write(rows, out)
 
 
 def _factories(names: Sequence[str], settings: Sequence[str]) -> Mapping[str, Factory]:
@@ -145,10 +148,3 @@ def _summary(rows: Sequence[StudyRow]) -> Table:
 
 def _number(value: float | None, scale: float = 1.0) -> str:
     return "-" if value is None else f"{scale * value:.1f}"
-
-
-def _write(rows: Sequence[StudyRow], path: Path) -> None:
-    from eval.files import whole_file
-
-    with whole_file(path) as part:
-        part.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""``roomloop bench pace``: simulator and odometry together, against real time."""
+"""``roomloop bench pace``: simulator and odometry together, and beside KISS-ICP alone."""
 
 from __future__ import annotations
 
@@ -21,17 +21,16 @@ def pace(
     seed: Annotated[int, Option(help="Of everything random.")] = 0,
     duration: Annotated[float, Option(help="Simulated seconds.")] = 30.0,
 ) -> None:
-    """Simulator and odometry together: milliseconds a scan, and times real time."""
+    """Simulator and odometry, against real time; the odometry stage beside KISS-ICP alone."""
     from functools import partial
 
     from eval.detectors import check_name, make_odometry
     from eval.odometry_study import StudyCase
 
     check_name("odometry", odometry, ODOMETRIES)
-    _show(
-        StudyCase(scene, seed, sensor, duration=duration),
-        partial(make_odometry, odometry),
-    )
+    case = StudyCase(scene, seed, sensor, duration=duration)
+    _show(case, partial(make_odometry, odometry))
+    _show_stage(case, odometry, "kiss-published")
 
 
 def _show(case: StudyCase, make: Factory) -> None:
@@ -48,4 +47,22 @@ def _show(case: StudyCase, make: Factory) -> None:
         found = measure(case, make, ahead)
         numbers = (found.wall, found.waiting, found.odometry, found.factor)
         table.add_row(where, *(f"{number:.1f}" for number in numbers))
+    Console().print(table)
+
+
+def _show_stage(case: StudyCase, name: str, other: str) -> None:
+    from functools import partial
+
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from eval.detectors import make_odometry
+    from eval.pace import stage_times
+
+    found = stage_times(case, partial(make_odometry, name), partial(make_odometry, other))
+    table = Table("on the same scans", "ms a scan", box=SIMPLE_HEAD)
+    table.add_row(f"our odometry stage ({name}, tracking)", f"{found.stage:.1f}")
+    table.add_row(f"KISS-ICP alone ({other})", f"{found.other:.1f}")
+    table.add_row("ratio", f"{found.ratio:.2f}")
     Console().print(table)

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import numpy as np
@@ -5,8 +6,16 @@ import pytest
 from typer.testing import CliRunner
 
 from eval.cli import app, main
-from eval.odometry_study import StudyCase, StudyRow, cases, drive, study, summaries
-from eval.pace import pace
+from eval.odometry_study import (
+    StudyCase,
+    StudyFile,
+    StudyRow,
+    cases,
+    drive,
+    study,
+    summaries,
+)
+from eval.pace import pace, stage_times
 from slam.core import InputError, RunError, inverse
 
 
@@ -74,9 +83,34 @@ def test_the_command_prints_a_table_and_writes_its_rows(tmp_path):
     done = CliRunner().invoke(app, line)
     assert done.exit_code == 0, done.output
     assert "voxel_size=0.5,threads=1" in done.output
-    rows = json.loads(out.read_text())
+    rows = json.loads(out.read_text())["rows"]
     assert [r["odometry"] for r in rows] == ["kiss-wheels", "voxel_size=0.5,threads=1"]
     assert rows[0]["case"]["scene"] == "generated-3"
+
+
+def test_a_study_goes_on_where_it_was_stopped(tmp_path):
+    path = tmp_path / "rows.json"
+    StudyFile(path).add([row(0.02), row(None, 3.0, "vgicp")])
+    again = StudyFile(path)
+    assert again.rows == [row(0.02), row(None, 3.0, "vgicp")]
+    assert again.missing(CASE, ["vgicp", "kiss", "other"]) == ["other"]
+    assert again.missing(dataclasses.replace(CASE, seed=6), ["kiss"]) == ["kiss"]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('{"code": "1234", "rows": []}', "rows of other code"),
+        ("[]", "no rows of"),
+        ('{"code": "1", "rows": [{"case": {}}]}', "no rows of"),
+        ("{", "no rows of"),
+    ],
+)
+def test_a_file_that_is_no_study_is_refused(tmp_path, text, says):
+    path = tmp_path / "rows.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=says):
+        StudyFile(path)
 
 
 @pytest.mark.parametrize("ahead", [False, True])
@@ -85,6 +119,21 @@ def test_the_pace_counts_every_scan_but_the_first(ahead):
     assert (found.scans, found.ahead) == (9, ahead)
     assert found.waiting + found.odometry <= found.wall
     assert found.factor == pytest.approx(100.0 / found.wall)
+
+
+def test_the_odometry_stage_and_the_other_odometry_are_given_the_same_scans():
+    case, given = StudyCase("generated-3", duration=0.5), []
+
+    class Noting(Standing):
+        def register(self, scan):
+            given.append(scan.index)
+            return super().register(scan)
+
+    found = stage_times(case, Noting, Noting)
+    assert given == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert found.scans == 5
+    assert found.stage > found.other > 0.0
+    assert found.ratio == found.stage / found.other
 
 
 def test_a_pace_needs_two_sweeps():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eval.picture import FALSE, TRUE, RunPicture, run_figure, save
+from eval.picture import FALSE, TRUE, UNJUDGED, RunPicture, run_figure, save
 from eval.trajectory import Trajectory
 from slam.core import InputError, Proposals, RoomProposal, inverse
 
@@ -59,6 +60,15 @@ def test_true_false_and_missed_rooms_are_told_apart(picture: RunPicture) -> None
     texts = [text.get_text() for text in axes.texts]
     assert texts == ["A", "B (missed)", "C"]  # C was not entered
     assert axes.get_xlabel() == "x [m]"
+
+
+def test_rooms_that_nobody_judged_are_neither_true_nor_false(picture: RunPicture) -> None:
+    unjudged = dataclasses.replace(picture, matches={}, entered=frozenset(), judged=False)
+    axes = run_figure(unjudged).axes[0]
+    colors = {line.get_label(): line.get_color() for line in axes.lines}
+    assert colors["detected"] == UNJUDGED
+    assert not {"detected, true", "detected, false"} & colors.keys()
+    assert [text.get_text() for text in axes.texts] == ["A", "B", "C"]
 
 
 def test_a_legend_entry_for_each_thing(picture: RunPicture) -> None:
