@@ -12,8 +12,8 @@ from eval.config import RunConfig
 from eval.foreign import ForeignRoom
 from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, Walls
 from eval.names import refuse
-from eval.score_consistency import Consistency
 from eval.pointfile import thinned
+from eval.score_consistency import Consistency
 from eval.score_failures import Failures
 from eval.score_map import VOXEL, SurfaceDistance
 from eval.score_rooms import RoomScore, score_rooms
