@@ -34,8 +34,5 @@ class Poses:
                 rr.TimeColumn("sim_time", duration=stamps),
                 rr.TimeColumn("keyframe", sequence=keyframes),
             ],
-            # Rerun has its matrices column by column.
-            rr.Transform3D.columns(
-                translation=T[:, :3, 3], mat3x3=T[:, :3, :3].transpose(0, 2, 1).reshape(-1, 9)
-            ),
+            rr.Transform3D.columns(translation=T[:, :3, 3], mat3x3=T[:, :3, :3]),
         )
