@@ -14,7 +14,6 @@ from dataclasses import fields
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from eval.seen import SeenStep
 from eval.source import plan_of
 from eval.steps import Step
 from sim.sensorfile import sensor_named
+from slam.arrayfile import ArrayFile
 from slam.core import Frame, InputError, KeyframeScan, PlaneObservation, RunError
 from slam.frontend import FrontEndConfig
 from worlds.catalogue import scene_sha256
@@ -40,7 +40,8 @@ AFTER_THE_FRONT_END = {
 
 CODE = (
     *("worlds", "sim"),
-    *("slam.core", "slam.odometry", "slam.tracking", "slam.extraction", "slam.frontend"),
+    *("slam.core", "slam.geometry", "slam.odometry", "slam.tracking"),
+    *("slam.extraction", "slam.frontend"),
     *("slam.kiss", "slam.vgicp", "eval.registered"),
     *("eval.labels", "eval.seen", "eval.steps", "eval.artefact", "eval.source"),
 )
@@ -123,10 +124,12 @@ class Replay:
 
 def _load(path: Path) -> Arrays:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (OSError, ValueError, BadZipFile, EOFError) as error:
-        raise InputError(f"{path}: no recorded front end: {error}; delete it") from error
+        arrays = ArrayFile(path, "a recorded front end").whole()
+    except InputError as error:
+        raise InputError(f"{error}; delete it") from error
+    if missing := _written([], "").keys() - arrays.keys():
+        raise InputError(f"{path}: expected a recorded front end with {min(missing)}; delete it")
+    return arrays
 
 
 # --- what is written ----------------------------------------------------------------------------
@@ -134,14 +137,16 @@ def _load(path: Path) -> Arrays:
 
 def write_steps(steps: Sequence[Step], error: str, path: Path) -> None:
     """Writes a file, whole or not at all. error: why the front end ended early, or empty."""
-    frames = [step.frame for step in steps]
-    truths = [step.truth for step in steps]
-    scans = [frame.keyframe for frame in frames if frame.keyframe is not None]
-    arrays = {"error": np.array(error), **_frame_arrays(frames), **_keyframe_arrays(scans)}
-    arrays |= _truth_arrays(truths)
     make_folder(path.parent)
     with whole_file(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]  # its stub has allow_pickle only
+        np.savez(file, **_written(steps, error))  # type: ignore[arg-type]  # its stub has allow_pickle only
+
+
+def _written(steps: Sequence[Step], error: str) -> dict[str, NDArray]:
+    frames = [step.frame for step in steps]
+    scans = [frame.keyframe for frame in frames if frame.keyframe is not None]
+    arrays = {"error": np.array(error), **_frame_arrays(frames), **_keyframe_arrays(scans)}
+    return arrays | _truth_arrays([step.truth for step in steps])
 
 
 def _frame_arrays(frames: Sequence[Frame]) -> dict[str, NDArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -25,8 +25,8 @@ from eval.commands.view import watchers
 from eval.config import FACTORS, LAYERS, LOOPS, RunConfig
 from eval.detectors import DETECTORS, ODOMETRIES
 
-if TYPE_CHECKING:
-    pass
+LONGEST_LINE = 500
+"""Characters of an error; a value that a file holds may be a megabyte."""
 
 app = typer.Typer(
     help="Evaluates indoor semantic LiDAR SLAM in simulation: a floor plan becomes a world, "
@@ -168,8 +168,6 @@ def _given(context: typer.Context) -> dict[str, object]:
 
 
 app.command()(train)
-
-
 app.command()(ablate)
 app.command()(compare)
 app.command()(score)
@@ -187,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         return _report(error)
     if status == 130:
-        print("roomloop: stopped", file=sys.stderr)
+        _say("stopped")
     return status if isinstance(status, int) else 0
 
 
@@ -195,18 +193,30 @@ def _report_usage(error: typer.TyperException) -> int:
     message = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "roomloop"
-    print(f"roomloop: {message} (see '{command} --help')", file=sys.stderr)
+    _say(f"{message} (see '{command} --help')")
     return 2
 
 
 def _report(error: Exception) -> int:
-    """One line for what roomloop itself refuses; anything else is a fault and keeps its trace."""
+    """One line for what roomloop itself refuses, and for what the system does with a file; anything
+    else is a fault and keeps its trace."""
     from slam.core import RoomloopError
 
+    if isinstance(error, OSError) and error.filename is not None:
+        _say(f"{error.filename}: {error.strerror}")
+        return 2
     if not isinstance(error, RoomloopError):
         raise error
-    print(f"roomloop: {' '.join(str(error).split())}", file=sys.stderr)
+    _say(str(error))
     return error.exit_status
+
+
+def _say(text: str) -> None:
+    """One line, no longer than people read, its end kept."""
+    line = " ".join(text.split())
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE - 100]} ... {line[-95:]}"
+    print(f"roomloop: {line}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -79,6 +79,9 @@ class RunConfig:
 
 # --- values ---------------------------------------------------------------------------------------
 
+LONGEST = 1000
+"""Characters of a name or a path."""
+
 _TYPES: dict[str, tuple[tuple[type, ...], str]] = {
     "str": ((str,), "a text"),
     "int": ((int,), "a whole number"),
@@ -99,8 +102,16 @@ def _check_types(config: RunConfig) -> None:
             refuse(f"{item.name}: expected {expected}, got {value!r}")
         if kind == "Path":
             object.__setattr__(config, item.name, Path(str(value)))
-        if value == "":
-            refuse(f"{item.name}: expected {expected}, got an empty one")
+        if kind in ("str", "Path"):
+            _check_text(item.name, str(value), expected)
+
+
+def _check_text(name: str, value: str, expected: str) -> None:
+    """No file and no name is any longer, and the system takes no NUL."""
+    if not value:
+        refuse(f"{name}: expected {expected}, got an empty one")
+    if len(value) > LONGEST or "\0" in value:
+        refuse(f"{name}: expected {expected} of up to {LONGEST} characters, got {value[:40]!r}...")
 
 
 def _check_counts(config: RunConfig) -> None:
@@ -113,7 +124,7 @@ def _check_counts(config: RunConfig) -> None:
 def _check_positive(config: RunConfig) -> None:
     for name, unit in (("duration", "seconds"), ("speed", "m/s")):
         value = getattr(config, name)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
+        if value is not None and not 0.0 < value < math.inf:
             refuse(f"{name}: expected {unit} above 0, got {value}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,6 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from slam.core import Array, InputError
+from worlds.fields import parsed_json, read_utf8
+
+MOST_TEXT = 300_000_000
+"""Largest text file that is read [bytes]: the graph of 1,000 rooms has about 30 MB."""
 
 
 @contextmanager
@@ -47,9 +50,12 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def read_bytes(path: Path) -> bytes:
-    """A file's content. Raises InputError where it cannot be read."""
+def read_bytes(path: Path, most: int | None = None) -> bytes:
+    """A file's content. Raises InputError where it cannot be read, or is larger than ``most``."""
     try:
+        size = path.stat().st_size
+        if most is not None and size > most:
+            raise InputError(f"{path}: {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB")
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -57,20 +63,12 @@ def read_bytes(path: Path) -> bytes:
 
 def read_text(path: Path) -> str:
     """A text file's content. Raises InputError where it cannot be read."""
-    try:
-        return read_bytes(path).decode()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: text in UTF-8 was expected") from error
+    return read_utf8(path, MOST_TEXT)
 
 
 def read_json(path: Path) -> Mapping[str, object]:
     """A JSON file that holds an object. Raises InputError."""
-    try:
-        tree = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}: not JSON: {error.msg}") from error
-    except RecursionError as error:
-        raise InputError(f"{path}: JSON is nested too deeply") from error
+    tree = parsed_json(path, read_text(path))
     if not isinstance(tree, dict):
         raise InputError(f"{path}: a JSON object was expected")
     return tree
@@ -89,7 +87,7 @@ def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
     try:
         raw = np.array(value)
         array = raw.astype(np.float64)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: {at}: {expected} expected") from error
     good = raw.dtype.kind in "if" and raw.ndim == len(shape)
     good = good and all(w in (-1, n) for w, n in zip(shape, raw.shape, strict=True))

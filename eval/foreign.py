@@ -1,4 +1,4 @@
-"""Files of other systems: point clouds, rooms as JSON, and Spark-DSG scene graphs as JSON.
+"""Files of other systems: rooms as JSON, and Spark-DSG scene graphs as JSON.
 
 Readers raise InputError that names the file, the place and what was expected.
 """
@@ -37,30 +37,6 @@ class ForeignGraph:
 
     rooms: tuple[ForeignRoom, ...]
     trajectory: Trajectory | None
-
-
-# --- point clouds ---------------------------------------------------------------------------------
-
-
-def read_cloud(path: Path) -> Array:
-    """The finite points (N, 3) of a PLY or PCD file."""
-    import open3d as o3d
-
-    check(path.suffix.lower() in (".ply", ".pcd"), path, "name", "a .ply or .pcd file")
-    read_bytes(path)  # Open3D does not say why a file cannot be read.
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        points = np.asarray(o3d.io.read_point_cloud(path).points)
-    points = points[np.isfinite(points).all(axis=1)]
-    check(len(points) > 0, path, "points", "a point cloud that Open3D can read, with points")
-    return points
-
-
-def thinned(points: Array, voxel: float) -> Array:
-    """The first point (M, 3) in each voxel of points (N, 3), as it was measured."""
-    cells = np.floor((points - points.min(axis=0)) / voxel).astype(np.int64)
-    size = cells.max(axis=0) + 1
-    _, first = np.unique(np.ravel_multi_index(tuple(cells.T), tuple(size)), return_index=True)
-    return points[np.sort(first)]
 
 
 # --- rooms ----------------------------------------------------------------------------------------

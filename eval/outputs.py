@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.files import check, finite, read_bytes, read_json, read_text, write_bytes, write_text
+from eval.files import check, finite, read_json, read_text, write_bytes, write_text
 from eval.graphfile import (
     FloorNode,
     GraphEdge,
@@ -31,6 +31,7 @@ from eval.graphfile import (
     write_graph,
 )
 from eval.metrics import SCHEMA, Metrics
+from eval.pointfile import ply_vertices
 from eval.trajectory import Trajectory
 from slam.core import (
     Array,
@@ -40,6 +41,7 @@ from slam.core import (
     quaternion_xyzw,
     rotation_from_quaternion_xyzw,
 )
+from worlds.fields import shown
 
 __all__ = [
     "FloorNode",
@@ -66,6 +68,10 @@ __all__ = [
 ]
 
 # --- trajectories: "stamp x y z qx qy qz qw", one line per pose -----------------------------------
+
+
+MOST = 1e12
+"""Largest stamp or coordinate: squares of it can still be added."""
 
 
 def write_tum(trajectory: Trajectory, path: Path) -> None:
@@ -98,6 +104,7 @@ def _tum_row(text: str, path: Path, number: int) -> Array:
     except ValueError as error:
         raise InputError(f"{path}: line {number}: 8 numbers were expected") from error
     row = finite(row, (8,), path, f"line {number}")
+    check(bool(np.abs(row).max() < MOST), path, f"line {number}", f"numbers below {MOST:g}")
     good = abs(float(np.linalg.norm(row[4:])) - 1.0) < 1e-2
     check(good, path, f"line {number}", "a unit quaternion x y z w")
     return row
@@ -124,20 +131,8 @@ def write_ply(points: Array, plane_id: IntArray, path: Path) -> None:
 
 def read_ply(path: Path) -> tuple[Array, IntArray]:
     """Points (M, 3) float64 and plane ids (M,) of a map.ply as ``write_ply`` writes it."""
-    head, mark, body = read_bytes(path).partition(b"end_header\n")
-    words = [line.split() for line in head.decode("ascii", "replace").splitlines()]
-    check(bool(mark) and words[:1] == [["ply"]], path, "header", "a PLY file")
-    counts = [w[2] for w in words if w[:2] == ["element", "vertex"] and len(w) == 3]
-    check(len(counts) == 1 and counts[0].isdigit(), path, "header", "one element vertex COUNT")
-    count = int(counts[0])
-    expected = _HEADER.format(count=count).encode().splitlines()
-    wanted = [line.decode().split() for line in expected if not line.startswith(b"comment")]
-    found = [w for w in words if w and w[0] != "comment"]
-    good = found == wanted[:-1]
-    check(good, path, "header", "binary little-endian float x y z and int plane_id")
-    size = count * _VERTEX.itemsize
-    check(len(body) == size, path, "body", f"{size} bytes for {count} points")
-    table = np.frombuffer(body, dtype=_VERTEX)
+    table = ply_vertices(path)
+    check(table.dtype == _VERTEX, path, "header", "binary little-endian float x y z, int plane_id")
     points = np.column_stack([table[name] for name in "xyz"]).astype(np.float64)
     check(bool(np.isfinite(points).all()), path, "body", "finite coordinates")
     return points, table["plane_id"].astype(np.int64)
@@ -207,7 +202,7 @@ def _value(hint: object, value: object, path: Path, at: str) -> object:
         return None
     if isinstance(value, bool):
         raise InputError(f"{path}: {at}: true or false makes no sense here")
-    if float in options and isinstance(value, int | float):
+    if float in options and isinstance(value, int | float) and abs(value) < math.inf:
         return value
     if int in options and isinstance(value, int):
         return value
@@ -217,4 +212,9 @@ def _value(hint: object, value: object, path: Path, at: str) -> object:
         return tuple(map(tuple, finite(value, (4, 4), path, at).tolist()))
     if at == "versions" and isinstance(value, dict):
         return value
-    raise InputError(f"{path}: {at}: {value!r} does not fit, expected {hint}")
+    raise InputError(f"{path}: {at}: {shown(value)} does not fit, expected {_words(options)}")
+
+
+def _words(options: tuple[object, ...]) -> str:
+    names = {float: "a number", int: "a whole number", str: "a text", type(None): "null"}
+    return " or ".join(names.get(kind, "another") for kind in options)  # type: ignore[call-overload]

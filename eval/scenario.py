@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NoReturn
 
 from eval.bounds import Bound, parse_bound
-from eval.config import RunConfig, slug
+from eval.config import LONGEST, RunConfig, slug
 from eval.names import refuse, unknown
 from slam.core import InputError
 from worlds.catalogue import scene_names
+from worlds.fields import read_toml, shown
 
 SHIPPED = Path(__file__).parent / "scenarios"
 """The sets that come with roomloop: ``smoke`` and ``full``."""
@@ -90,12 +90,7 @@ def read_scenario(argument: str, **flags: object) -> Scenario:
 
 
 def _table(path: Path) -> dict[str, object]:
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        refuse(f"{path}: cannot be read: {error.strerror or error}")
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        refuse(f"{path}: expected TOML in UTF-8: {error}")
+    values = read_toml(path)
     names = [item.name for item in fields(RunConfig) if item.name not in NOT_IN_FILES]
     known = (*names, *BESIDE_THE_RUN)
     for key in values:
@@ -106,8 +101,8 @@ def _table(path: Path) -> dict[str, object]:
 
 def _scene(path: Path, scene: object) -> str:
     """A catalogue name as it is; a path as one from the working folder."""
-    if not isinstance(scene, str) or not scene:
-        refuse(f"{path}: scene: expected a name of the catalogue or a path, got {scene!r}")
+    if not isinstance(scene, str) or not 0 < len(scene) < LONGEST:
+        refuse(f"{path}: scene: expected a name of the catalogue or a path, got {shown(scene)}")
     if scene in scene_names():
         return scene
     beside = path.parent / scene

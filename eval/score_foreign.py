@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.config import RunConfig
-from eval.foreign import ForeignRoom, thinned
+from eval.foreign import ForeignRoom
 from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, Walls
 from eval.names import refuse
+from eval.pointfile import thinned
 from eval.score_consistency import Consistency
 from eval.score_failures import Failures
 from eval.score_map import VOXEL, SurfaceDistance

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -19,9 +18,14 @@ import torch
 from torch import Tensor, nn
 
 from semantics.proximity import ProximityGraph
+from slam.arrayfile import ArrayFile
 from slam.core import Array, InputError
 
 FORMAT = "roomloop-weights-2"
+MOST_BYTES = 1_000_000_000
+"""Of weights; ours have a hundred kilobytes."""
+MOST_CHANNELS = 4096
+"""Of a layer."""
 SLOPE = 0.2
 """Of the leaky rectifier in the attention (as in the original GAT)."""
 
@@ -212,13 +216,9 @@ def save(path: Path, model: EdgeClassifier, checkpoint: Checkpoint) -> None:
 
 def load(path: Path) -> tuple[EdgeClassifier, Checkpoint]:
     """A network and its description. Raises InputError for whatever ``save`` did not write."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such weights; `roomloop train` makes them") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a weights file of ours, or cut off") from error
+    if not path.is_file():
+        raise InputError(f"{path}: no such weights; `roomloop train` makes them")
+    arrays = ArrayFile(path, "weights of ours", MOST_BYTES).whole()
     checkpoint = _checkpoint(path, arrays.pop("header", None))
     model = EdgeClassifier(checkpoint.network)
     try:
@@ -236,6 +236,9 @@ def _checkpoint(path: Path, header: Array | None) -> Checkpoint:
         if tree.pop("format") != FORMAT:
             raise KeyError("format")
         network = {**tree["network"], "relations": tuple(tree["network"]["relations"])}
+        sizes = [network[key] for key in network.keys() - {"relations", "features"}]
+        if not all(isinstance(size, int) and 0 < size <= MOST_CHANNELS for size in sizes):
+            raise ValueError("sizes")
         return Checkpoint(NetworkConfig(**network), float(tree["temperature"]), dict(tree["facts"]))
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path}: header: expected the description of {FORMAT!r}") from error

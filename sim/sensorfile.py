@@ -7,7 +7,6 @@ none; ``source`` says where the numbers are from.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
@@ -18,6 +17,7 @@ import numpy as np
 from sim.names import unknown_name
 from sim.sensor import Sensor
 from slam.core import InputError
+from worlds.fields import read_toml
 
 PRESETS = Path(__file__).parent / "sensors"
 
@@ -70,12 +70,7 @@ def _preset(name: str) -> Sensor:
 
 def read_sensor(path: Path) -> Sensor:
     """The sensor in a TOML file; its name is the file's. Raises InputError."""
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"sensor {path}: {error.strerror or error}") from error
-    except ValueError as error:  # not UTF-8, or not TOML
-        raise InputError(f"sensor {path}: expected TOML: {error}") from error
+    values = read_toml(path)
     known = (*TABLES, *NUMBERS, *FLAGS, *TEXTS)
     for key in values.keys() - set(known):
         raise InputError(f"sensor {path}: unknown key {key}, expected {', '.join(known)}")

@@ -1,10 +1,11 @@
-"""A value in a JSON file that knows where it stands, so that an error can name it."""
+"""Files of JSON and TOML, and a value in one that knows where it stands, for errors to name."""
 
 from __future__ import annotations
 
 import difflib
 import json
 import math
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -13,6 +14,8 @@ from slam.core import InputError
 
 MAX_BYTES = 50_000_000
 """Largest plan file that is read [bytes]: a building of 1,000 rooms takes well under 5 MB."""
+MAX_TOML = 1_000_000
+"""Largest TOML file that is read [bytes]; people write them."""
 MAX_COORDINATE = 100_000.0
 """Largest length or coordinate that a building can have [m]."""
 SHOWN = 40
@@ -120,30 +123,44 @@ def shown(value: object) -> str:
 
 def read_json(path: Path) -> Field:
     """The root of a JSON file. Raises InputError for what cannot be read, or is not JSON."""
+    return Field(str(path), "", parsed_json(path, read_utf8(path, MAX_BYTES)))
+
+
+def read_utf8(path: Path, most: int) -> str:
+    """A text file of at most so many bytes. Raises InputError."""
     try:
         size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise InputError(
-                f"{path}: {size / 1e6:.0f} MB, expected a plan of at most {MAX_BYTES / 1e6:.0f} MB"
-            )
-        text = path.read_text(encoding="utf-8-sig")
+        if size > most:
+            raise InputError(f"{path}: {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB")
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected JSON in UTF-8: {error.reason}") from error
-    return Field(str(path), "", _parse(path, text))
+        raise InputError(f"{path}: expected text in UTF-8: {error.reason}") from error
 
 
-def _parse(path: Path, text: str) -> object:
+def parsed_json(path: Path, text: str) -> object:
+    """What a text of JSON says. path: for errors. Raises InputError."""
     try:
         return json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"{path}: expected JSON: {error.msg} at {where}") from error
     except RecursionError as error:
-        raise InputError(f"{path}: expected a plan, found JSON nested too deeply") from error
-    except ValueError as error:
+        raise InputError(f"{path}: expected JSON, found one nested too deeply") from error
+    except ValueError as error:  # a field that stands twice, a number of 5,000 digits
         raise InputError(f"{path}: expected JSON: {error}") from error
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    """A TOML file. Raises InputError for what cannot be read, or is not TOML."""
+    text = read_utf8(path, MAX_TOML)
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"{path}: expected TOML, found one nested too deeply") from error
+    except ValueError as error:
+        raise InputError(f"{path}: expected TOML: {error}") from error
 
 
 def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:

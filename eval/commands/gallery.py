@@ -40,9 +40,9 @@ def _pictures(run: Path) -> Mapping[str, Callable[[], bytes]]:
     """What there is to see of a run: file name -> how to make it. Raises InputError."""
     from eval.files import read_bytes
     from eval.folder import read_config
+    from eval.outputs import read_tum
     from eval.report.photo import photograph
     from eval.report.run import write_report
-    from eval.outputs import read_tum
     from eval.view.recordings import check_recording, recording_of
     from eval.view.shots import Shot, take
 

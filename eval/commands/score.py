@@ -86,8 +86,9 @@ def _truth(config: RunConfig, truth: Path | None) -> tuple[RunConfig, Trajectory
 
 
 def _foreign(trajectory: File, cloud: File, rooms: File, dsg: File, frame: str) -> Foreign:
-    from eval.foreign import read_cloud, read_dsg, read_rooms
+    from eval.foreign import read_dsg, read_rooms
     from eval.outputs import read_tum
+    from eval.pointfile import read_cloud
     from eval.score_foreign import Foreign, base_poses
     from sim.base import BaseConfig
 

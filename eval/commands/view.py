@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,6 +37,8 @@ def view(
 
 def watchers(window: bool, page: bool) -> list[Sink]:
     """The viewers of ``--view`` and ``--serve``; one that cannot be had is a warning."""
+    # What a viewer's end does is said by LiveSink; rerun reads this when it is imported.
+    os.environ.setdefault("RUST_LOG", "off")
     from eval.view.live import LiveSink
     from eval.view.recorder import Recorder
     from eval.view.targets import ViewerTarget
@@ -53,7 +56,7 @@ def watchers(window: bool, page: bool) -> list[Sink]:
         if viewer.page is not None:
             _say(f"watch at {viewer.page}")
             atexit.register(viewer.stop)  # a page that is open keeps what it has got
-        found.append(LiveSink(Recorder(ViewerTarget(viewer.address))))
+        found.append(LiveSink(Recorder(ViewerTarget(viewer.address)), alive=viewer.alive))
     return found
 
 

@@ -24,6 +24,10 @@ NEAREST_RINGS = np.radians(0.4)
 """Elevations closer than this belong to one beam, where a cloud does not name its rings."""
 
 
+FARTHEST = 10_000.0
+"""Of a return [m]: no LiDAR sees as far."""
+
+
 class BadCloud(Exception):
     """One cloud that no scan can be made of: to be counted and skipped."""
 
@@ -71,7 +75,7 @@ def read_cloud(message: PointCloud2) -> Cloud:
         raise BadCloud(f"fields {', '.join(names) or 'none'}: expected x, y and z")
     points = np.column_stack([table[axis].astype(np.float64) for axis in "xyz"])
     # Some drivers send (0, 0, 0) for a shot without a return.
-    finite = np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
+    finite = (np.abs(points) < FARTHEST).all(axis=1) & (points != 0.0).any(axis=1)
     if not finite.any():
         raise BadCloud("no point with finite coordinates")
     table = table[finite]
@@ -132,9 +136,9 @@ def _from_lowest(ring: NDArray[np.int16], points: Array) -> NDArray[np.int16]:
 
 def _table(message: PointCloud2) -> NDArray[np.void]:
     """(N,) records of a message."""
-    used = [f for f in message.fields if f.datatype in TYPES and f.count == 1]
-    order = ">" if message.is_bigendian else "<"
     try:
+        used = [f for f in message.fields if f.datatype in TYPES and f.count == 1]
+        order = ">" if message.is_bigendian else "<"
         record = np.dtype(
             {
                 "names": [f.name for f in used],
@@ -147,7 +151,7 @@ def _table(message: PointCloud2) -> NDArray[np.void]:
         rows = rows[: message.height * message.row_step].reshape(message.height, message.row_step)
         packed = np.ascontiguousarray(rows[:, : message.width * message.point_step])
         return packed.view(record).reshape(-1)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, AttributeError, OverflowError, MemoryError) as error:
         raise BadCloud(f"fields and data do not fit: {error}") from error
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from eval.config import RunConfig
 from eval.folder import config_in, config_text
 from sim.truth import ScanTruth
+from slam.arrayfile import ArrayFile
 from slam.core import Array, InputError
 from worlds.truth import Truth
 
@@ -87,18 +88,21 @@ class LabelsFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self._file = np.load(path, allow_pickle=False)
-            text, self._stamps = str(self._file["config"]), self._file["stamps"]
-            self._poses = self._file["T_world_base"]
-        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: no labels of a recorded drive: {error}") from error
-        self.config = config_in(text, path)
+        self._file = file = ArrayFile(path, "labels of a recorded drive")
+        self.config = config_in(str(file["config"]), path)
+        self._stamps = file.shaped("stamps", "f", None)
+        self._faces = len(file["face_room"])
+        self._poses = file.shaped("T_world_base", "f", len(self._stamps), 4, 4)
 
     def at(self, stamp: float) -> ScanTruth:
         """The truth of the scan that ends at ``stamp`` [s]. Raises InputError if there is none."""
         number = int(np.argmin(np.abs(self._stamps - stamp))) if len(self._stamps) else -1
         if number < 0 or abs(float(self._stamps[number]) - stamp) > 1e-6:
             raise InputError(f"{self.path}: no scan ends at {stamp:.6f} s: another drive's labels?")
-        face, geom, points = (self._file[f"{n}_{number}"] for n in ("face", "geom", "points"))
+        points = self._file.shaped(f"points_{number}", "f", None, 3)
+        face, geom = (
+            self._file.shaped(f"{name}_{number}", "i", len(points)) for name in ("face", "geom")
+        )
+        if int(face.max(initial=-1)) >= self._faces:
+            raise self._file.wrong(f"face_{number}: faces of the {self._faces} in face_room")
         return ScanTruth(self._poses[number], face, geom, points)

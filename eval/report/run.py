@@ -25,6 +25,8 @@ REPORT_FILE = "report.html"
 NONE = "-"
 """Said where a number does not apply."""
 
+STAGE_TIMES = ("median_ms", "p95_ms")
+
 CAUSES = {
     "unseen": "the sensor has seen too few of its walls",
     "planes": "the map does not hold its walls, or not apart from others",
@@ -92,9 +94,9 @@ def run_page(run: RunFiles) -> str:
     return html.page(title, lead, sections)
 
 
-def get(tree: Mapping[str, object], path: str) -> object:
+def get(tree: object, path: str) -> object:
     """A value by its dotted path, or None."""
-    value: object = tree
+    value = tree
     for key in path.split("."):
         value = value.get(key) if isinstance(value, Mapping) else None
     return value
@@ -235,11 +237,9 @@ def _time(metrics: Mapping[str, object]) -> Iterator[str]:
     stages = get(metrics, "stages")
     if not isinstance(stages, Mapping):
         return
-    known = {name: stage for name, stage in stages.items() if get(stage, "median_ms") is not None}
-    median, p95 = (
-        np.array([float(str(get(stage, key))) for stage in known.values()])
-        for key in ("median_ms", "p95_ms")
-    )
+    times = {name: [get(stage, key) for key in STAGE_TIMES] for name, stage in stages.items()}
+    known = {name: pair for name, pair in times.items() if NONE not in map(number, pair)}
+    median, p95 = np.array(list(known.values()), dtype=np.float64).reshape(-1, 2).T
     picture = svg.bars(list(known), median, p95, "ms")
     if picture:
         yield html.figure(picture, "Each stage's time a call: median (bar) and 95th percentile")

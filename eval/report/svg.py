@@ -14,6 +14,9 @@ from slam.core import Array
 POINTS = 500
 """Of a line; more are not to be seen."""
 
+LEAST = 1e-9
+"""What is less is nothing: an axis has no finer ticks."""
+
 BINS = ("#2c7bb6", "#00a6a6", "#7fb84e", "#e6a117", "#d7191c")
 """Small errors to large ones; readable on light and on dark."""
 
@@ -116,7 +119,7 @@ def bars(names: Sequence[str], values: Array, marks: Array, unit: str) -> str:
 
 def ticks(highest: float, count: int = 5) -> list[float]:
     """Round numbers from 0 to at least ``highest``, about ``count`` steps."""
-    if not highest > 0.0:
+    if not highest > LEAST:
         return [0.0, 1.0]
     power = 10.0 ** np.floor(np.log10(highest / count))
     step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m * count >= highest * 0.999)

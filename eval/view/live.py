@@ -24,11 +24,13 @@ logger = logging.getLogger(__name__)
 class LiveSink:
     """Hands the calls on to another sink in a thread of its own, newest first to be kept.
 
-    If the other sink fails, the run goes on without it, and a warning says so.
+    If the other sink fails, or its viewer is no longer ``alive``, the run goes on without it, and a
+    warning says so.
     """
 
-    def __init__(self, inner: Sink, length: int = LENGTH):
+    def __init__(self, inner: Sink, length: int = LENGTH, alive: Callable[[], bool] = lambda: True):
         self._inner = inner
+        self._alive = alive
         self._waiting: deque[Callable[[], None]] = deque(maxlen=length)
         self._ready = threading.Condition()
         self._over = False
@@ -78,6 +80,9 @@ class LiveSink:
                 if not self._waiting:
                     break
                 call = self._waiting.popleft()
+            if not self._alive():
+                self._give_up("closed")
+                return
             if not self._try(call):
                 return
         self._try(self._inner.finished)
@@ -86,8 +91,11 @@ class LiveSink:
         try:
             call()
         except Exception as error:  # whatever a viewer does, the run goes on
-            logger.warning("view: the viewer was lost (%s); the run goes on", error)
-            with self._ready:
-                self._over = True
+            self._give_up(f"lost ({error})")
             return False
         return True
+
+    def _give_up(self, why: str) -> None:
+        logger.warning("view: the viewer was %s; the run goes on", why)
+        with self._ready:
+            self._over = True

@@ -18,6 +18,7 @@ from eval.view.blueprint import blueprint, bounds
 from eval.view.changes import Changes
 from eval.view.judge import Judge, Judgement
 from eval.view.layers import LayerConfig, Layers
+from eval.view.poses import Poses
 from eval.view.trail import Trail
 from slam.core import (
     Array,
@@ -43,13 +44,15 @@ FALSE, MISSED = (215, 48, 39), (253, 174, 97)
 TRUE_PATH, ESTIMATE, ODOMETRY = (150, 150, 150), (60, 120, 216), (140, 107, 177)
 
 CURVES = {
-    "error/ATE": ESTIMATE,
-    "found/rooms_found": (178, 223, 138),
-    "found/rooms_right": (51, 160, 44),
-    "found/walls_found": (253, 191, 111),
-    "found/walls_right": (255, 127, 0),
+    "error": (("ATE", ESTIMATE),),
+    "found": (
+        ("rooms found", (178, 223, 138)),
+        ("rooms right", (51, 160, 44)),
+        ("walls found", (253, 191, 111)),
+        ("walls right", (255, 127, 0)),
+    ),
 }
-"""Below ``plots``: what is found is pale, what of it is right is not."""
+"""Below ``plots``: names and colours. What is found is pale, what of it is right is not."""
 
 
 class Target(Protocol):
@@ -83,7 +86,10 @@ class Recorder:
         self._target = target
         self._config = config
         self._stream: Any = None
-        self._frames = 0
+        self._frames, self._keyframe = 0, 0
+        self._marked: dict[str, bytes] = {}
+        self._stages: tuple[str, ...] = ()
+        self._robot, self._true_robot = Poses("world/map/robot"), Poses("world/truth/robot")
         self._layers = Layers(self._log)
         self._changes = Changes()
         self._judge: Judge | None = None
@@ -104,9 +110,9 @@ class Recorder:
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         self._static("world/map", shapes.palette())
         self._static("world/map/robot/body", shapes.body(ESTIMATE))
-        for name, colour in CURVES.items():
-            label = name.rpartition("/")[2].replace("_", " ")
-            self._static(f"plots/{name}", rr.SeriesLines(colors=[colour], names=label, widths=2.0))
+        for plot, curves in CURVES.items():
+            names, colours = zip(*curves, strict=True)
+            self._name_curves(plot, names, colours)
         if truth is not None:
             self._truth, self._judge = truth, Judge(truth)
             self._draw_truth(truth)
@@ -132,13 +138,14 @@ class Recorder:
         if self._frames == 0:
             T_world_map = np.eye(4) if T_world_base is None else T_world_base @ inverse(T_map_base)
             self._static("world/map", shapes.transform(T_world_map))
-        self._stream.set_time("sim_time", duration=frame.stamp)
-        self._log("world/map/robot", shapes.transform(T_map_base))
+        self._robot.add(frame.stamp, self._keyframe, T_map_base)
         if T_world_base is not None:
-            self._log("world/truth/robot", shapes.transform(T_world_base))
+            self._true_robot.add(frame.stamp, self._keyframe, T_world_base)
             if self._judge is not None:
                 self._judge.see(T_map_base, T_world_base)
         if self._frames % self._config.scan_every == 0:
+            self._send_poses()
+            self._stream.set_time("sim_time", duration=frame.stamp)
             points = transform_points(scan.T_base_lidar, scan.points[:: self._config.point_every])
             self._log(
                 "world/map/robot/scan", rr.Points3D(points, radii=-1.0, colors=[(90, 90, 90)])
@@ -152,7 +159,8 @@ class Recorder:
     def updated(self, view: MapView, proposals: Proposals) -> None:
         """The map as it is now; what was retracted is cleared."""
         self._stream.set_time("sim_time", duration=view.stamp)
-        self._stream.set_time("keyframe", sequence=len(view.keyframes) - 1)
+        self._keyframe = len(view.keyframes) - 1
+        self._stream.set_time("keyframe", sequence=self._keyframe)
         self._draw_keyframe(view)
         self._layers.draw(view, proposals)
         for event in self._changes.of(proposals):
@@ -166,8 +174,10 @@ class Recorder:
     def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
         """Curves of the milliseconds by stage."""
         self._stream.set_time("sim_time", duration=stamp)
-        for stage, value in seconds.items():
-            self._log(f"plots/ms/{stage}", rr.Scalars(1000.0 * value))
+        if self._stages != tuple(seconds):
+            self._stages = tuple(seconds)
+            self._name_curves("ms", self._stages)
+        self._plot("ms", *(1000.0 * value for value in seconds.values()))
 
     def event(self, stamp: float, text: str) -> None:
         """A line of the log."""
@@ -177,6 +187,7 @@ class Recorder:
     def finished(self) -> None:
         """Hands everything over and lets the target go."""
         if self._stream is not None:
+            self._send_poses()
             self._target.close(self._stream)
             self._stream = None
 
@@ -201,7 +212,7 @@ class Recorder:
             for room in proposals.rooms
             if judgement.rooms.get(room.id) is None
         ]
-        self._log("world/map/judgement/false", shapes.lines(wrong, FALSE, 0.06))
+        self._mark("world/map/judgement/false", wrong, FALSE)
         assert self._truth is not None
         heights = {floor.storey: floor.z_floor for floor in self._truth.floors}
         missed = [
@@ -209,17 +220,31 @@ class Recorder:
             for room in self._truth.rooms
             if room.id in judgement.missed
         ]
-        self._log("world/truth/judgement/missed", shapes.lines(missed, MISSED, 0.06))
+        self._mark("world/truth/judgement/missed", missed, MISSED)
         right = sum(owner is not None for owner in judgement.rooms.values())
-        self._scalar("found/rooms_found", len(proposals.rooms))
-        self._scalar("found/rooms_right", right)
-        self._scalar("found/walls_found", len(proposals.walls))
-        self._scalar("found/walls_right", judgement.walls_right)
+        found = len(proposals.rooms), right, len(proposals.walls), judgement.walls_right
+        self._plot("found", *found)
         if judgement.ate is not None:
-            self._scalar("error/ATE", 100.0 * judgement.ate)
+            self._plot("error", 100.0 * judgement.ate)
 
-    def _scalar(self, name: str, value: float) -> None:
-        self._log(f"plots/{name}", rr.Scalars(float(value)))
+    def _mark(self, entity: str, outlines: list[Array], colour: shapes.Colour) -> None:
+        """Outlines, where they are not what they were."""
+        state = b"|".join(np.round(outline, 2).tobytes() for outline in outlines)
+        if self._marked.get(entity) != state:
+            self._marked[entity] = state
+            self._log(entity, shapes.lines(outlines, colour, 0.06))
+
+    def _plot(self, name: str, *values: float) -> None:
+        self._log(f"plots/{name}", rr.Scalars([float(value) for value in values]))
+
+    def _name_curves(
+        self, plot: str, names: Sequence[str], colours: Sequence[shapes.Colour] | None = None
+    ) -> None:
+        self._static(f"plots/{plot}", rr.SeriesLines(names=names, colors=colours, widths=2.0))
+
+    def _send_poses(self) -> None:
+        self._robot.send(self._stream)
+        self._true_robot.send(self._stream)
 
     def _extend(self, entity: str, pose: Array) -> None:
         trail = self._trails[entity]

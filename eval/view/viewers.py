@@ -36,6 +36,10 @@ class Viewer:
     address: str
     page: str | None = None
 
+    def alive(self) -> bool:
+        """Is it still there? Whoever watches may close it."""
+        return self.process.poll() is None
+
     def stop(self) -> None:
         """Ends it."""
         _end(self.process)

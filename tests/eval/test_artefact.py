@@ -171,3 +171,12 @@ def test_a_broken_file_is_named(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"broken\.npz.*delete it"):
         Replay(path)
+
+
+def test_a_file_that_lacks_an_array_is_named(tmp_path):
+    write_steps([], "", tmp_path / "steps.npz")
+    with np.load(tmp_path / "steps.npz") as file:
+        arrays = {name: file[name] for name in file.files if name != "normal"}
+    np.savez(tmp_path / "steps.npz", **arrays)
+    with pytest.raises(InputError, match=r"steps.npz: .* with normal; delete it"):
+        Replay(tmp_path / "steps.npz")

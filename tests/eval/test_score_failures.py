@@ -90,7 +90,7 @@ def test_without_planes_the_centre_rule_counts(house) -> None:
 
 
 def test_rooms_are_named(house) -> None:
-    """What each fault is about: A is found, B missed, and a detection made of B's faces is false."""
+    """A is found, B is missed, one detection is made of B's faces and one of nobody's."""
     seen = seen_of(house, *A, *B)
     votes = [
         vote(house, seen, A, CENTRES[0], 5),

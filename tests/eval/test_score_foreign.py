@@ -6,13 +6,15 @@ import json
 from pathlib import Path
 
 import numpy as np
+import open3d as o3d
 import pytest
 from shapely.geometry import Polygon
 
 from eval.cli import main
 from eval.config import RunConfig
-from eval.foreign import read_cloud, read_dsg, read_rooms, thinned
+from eval.foreign import read_dsg, read_rooms
 from eval.outputs import read_metrics, write_ply, write_tum
+from eval.pointfile import read_cloud, thinned
 from eval.score_foreign import Foreign, at_stamps, base_poses, score_foreign
 from eval.source import make_world
 from eval.trajectory import Trajectory
@@ -134,6 +136,27 @@ def test_clouds_of_both_kinds_are_read(tmp_path: Path) -> None:
     )
     for name in ("a.ply", "a.pcd"):
         assert np.allclose(read_cloud(tmp_path / name), points)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize(("suffix", "packed"), [("ply", False), ("pcd", False), ("pcd", True)])
+def test_a_cloud_that_is_cut_off_is_refused(
+    tmp_path: Path, suffix: str, packed: bool, binary: bool
+) -> None:
+    """As Open3D writes it; it reads one that is cut off as noise or zeros."""
+    points = np.random.default_rng(0).normal(size=(100, 3))
+    path = tmp_path / f"cloud.{suffix}"
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    o3d.io.write_point_cloud(path, cloud, write_ascii=not binary, compressed=packed)
+    assert np.allclose(read_cloud(path), points, atol=1e-4)
+    whole = path.read_bytes()
+    for length in (len(whole) * 2 // 3, len(whole) - 60):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"cloud\.\w+: body: "):
+            read_cloud(path)
+    path.write_bytes(whole.replace(b" 100\n", b" 99999999\n"))
+    with pytest.raises(InputError, match=r"cloud\.\w+: body: "):
+        read_cloud(path)
 
 
 @pytest.mark.parametrize(

@@ -142,5 +142,5 @@ def test_bad_sensor_files_get_one_clear_line(tmp_path, text, message):
 
 
 def test_a_sensor_file_that_is_not_there_is_said(tmp_path):
-    with pytest.raises(InputError, match=r"absent.toml: No such file"):
+    with pytest.raises(InputError, match=r"absent.toml: cannot be read: No such file"):
         sensor_named(str(tmp_path / "absent.toml"))

@@ -86,3 +86,17 @@ def test_a_failing_viewer_is_a_warning(inner: NullSink, caplog: pytest.LogCaptur
         sink.finished()
     lines = [record.getMessage() for record in caplog.records]
     assert lines == ["view: the viewer was lost (gone); the run goes on"]
+
+
+def test_a_viewer_that_is_closed_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    shown = Slow()
+    shown.may.set()
+    alive = iter([True, False])
+    sink = LiveSink(shown, alive=lambda: next(alive))
+    with caplog.at_level(logging.WARNING):
+        sink.started(RunConfig("SE1"), None)
+        frames(sink, 5)
+        sink.finished()
+    lines = [record.getMessage() for record in caplog.records]
+    assert lines == ["view: the viewer was closed; the run goes on"]
+    assert shown.heard == ["started", 0]
