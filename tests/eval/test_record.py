@@ -129,7 +129,7 @@ def test_a_real_recording_runs_without_truth(name: str, tmp_path: Path) -> None:
         ({"start": "Kitchen"}, "start: .* is a recording"),
         ({"topic": "/rear"}, "/rear: expected one of /points"),
         ({"truth": "/odom"}, "/odom: expected a .tum file or one of: /ground_truth, /wheel"),
-        ({"truth": "absent.npz"}, "absent.npz: no labels"),
+        ({"truth": "absent.npz"}, "absent.npz: expected labels of a recorded drive"),
         ({"truth": "absent.tum"}, "absent.tum"),
     ],
 )
@@ -160,7 +160,7 @@ def test_labels_of_another_drive_are_told(bag: Path, tmp_path: Path) -> None:
         labels.at(99.0)
     copy = tmp_path / "labels.npz"
     copy.write_bytes((bag / "labels.npz").read_bytes()[:5000])
-    with pytest.raises(InputError, match="no labels"):
+    with pytest.raises(InputError, match="expected labels of a recorded drive"):
         LabelsFile(copy)
 
 
