@@ -22,8 +22,9 @@ LOOSEST = np.radians(6.0)
 """However short a run, it does not belong to a wall that it differs more from in direction."""
 
 
-class _Gatherer:
-    """Runs with what is needed to compare each with a line: ends in plan view, own direction."""
+class Gatherer:
+    """Runs with what is needed to compare each with a line: ends in plan view, own direction, and
+    how well both are known. free: (R,) which are in no group yet."""
 
     def __init__(self, runs: Runs, config: ExtractionConfig):
         own = Lines(runs.moments)
@@ -91,7 +92,7 @@ class _Gatherer:
 
 def wall_groups(runs: Runs, config: ExtractionConfig) -> list[IntArray]:
     """Places of the runs of each wall: the longest run first, each run in one group."""
-    gatherer = _Gatherer(runs, config)
+    gatherer = Gatherer(runs, config)
     groups = []
     for seed in np.argsort(-gatherer.size, kind="stable").tolist():
         if not gatherer.free[seed]:
