@@ -30,7 +30,8 @@ class Gatherer:
         own = Lines(runs.moments)
         half = np.sqrt(3.0 * own.spread / own.weight)
         count = runs.count
-        variance = runs.noise**2 + count * (config.rest_sigma**2 + config.flat_sigma**2)
+        rest = np.maximum(runs.sigma, config.rest_sigma)
+        variance = runs.noise**2 + count * (rest**2 + config.flat_sigma**2)
         accuracy = runs.noise * np.sqrt(3.0 / count) / np.maximum(half, 1e-9)
         self.config = config
         self.size = half

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import base_pose, in_base, scan_walls
@@ -19,7 +21,8 @@ def runs_of(walls, T, seed=0):
     points = points + rng.normal(0.0, 0.0066, len(points))[:, None] * rays
     points[wall < 0] = np.nan
     sweep = Sweep.of(points, scan.ring, scan.T_base_lidar[:3, 3], CONFIG.max_range)
-    runs = straight_runs(sweep, CONFIG)
+    runs = straight_runs(sweep, CONFIG)  # no beam is off here
+    runs = replace(runs, sigma=np.full(len(runs), 0.001))
     counts = [
         np.bincount(wall[sweep.place[start:stop]], minlength=len(walls))
         for start, stop in zip(runs.start, runs.stop, strict=True)
