@@ -36,7 +36,7 @@ class ExtractionConfig:
     of points kept.
     """
 
-    window: float = 0.4
+    window: float = 0.35
     straight: float = 2.5
     noise: tuple[float, float] = (0.004, 0.02)
     gap: float = 0.25

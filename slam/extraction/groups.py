@@ -22,14 +22,16 @@ LOOSEST = np.radians(6.0)
 """However short a run, it does not belong to a wall that it differs more from in direction."""
 
 
-class _Gatherer:
-    """Runs with what is needed to compare each with a line: ends in plan view, own direction."""
+class Gatherer:
+    """Runs with what is needed to compare each with a line: ends in plan view, own direction, and
+    how well both are known. free: (R,) which are in no group yet."""
 
     def __init__(self, runs: Runs, config: ExtractionConfig):
         own = Lines(runs.moments)
         half = np.sqrt(3.0 * own.spread / own.weight)
         count = runs.count
-        variance = runs.noise**2 + count * (config.rest_sigma**2 + config.flat_sigma**2)
+        rest = np.maximum(runs.sigma, config.rest_sigma)
+        variance = runs.noise**2 + count * (rest**2 + config.flat_sigma**2)
         accuracy = runs.noise * np.sqrt(3.0 / count) / np.maximum(half, 1e-9)
         self.config = config
         self.size = half
@@ -91,7 +93,7 @@ class _Gatherer:
 
 def wall_groups(runs: Runs, config: ExtractionConfig) -> list[IntArray]:
     """Places of the runs of each wall: the longest run first, each run in one group."""
-    gatherer = _Gatherer(runs, config)
+    gatherer = Gatherer(runs, config)
     groups = []
     for seed in np.argsort(-gatherer.size, kind="stable").tolist():
         if not gatherer.free[seed]:

@@ -51,7 +51,7 @@ class BeamOffsets:
         mean = runs.moments[:, 1:3] / runs.count[:, None]
         reach = np.sqrt((mean**2).sum(axis=1) + runs.z**2)
         shift = -(self.range[runs.ring] / reach)[:, None] * mean - runs.z[:, None] * self.tilt
-        return replace(runs, moments=moved(runs.moments, shift))
+        return replace(runs, moments=moved(runs.moments, shift), sigma=self.sigma[runs.ring])
 
 
 def beam_offsets(runs: Runs, beams: int, config: ExtractionConfig) -> BeamOffsets:

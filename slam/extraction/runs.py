@@ -16,14 +16,16 @@ from slam.extraction.sweep import Sweep
 @dataclass(frozen=True)
 class Runs:
     """Arrays over R. start, stop: places among the sweep's returns; ring: the beam; moments: (R, 6)
-    in plan view about the sensor; z: mean height; noise: RMS distance of returns on a wall from
-    their runs' lines [m], one number for the sweep."""
+    in plan view about the sensor; z: mean height; sigma: (R,) of what a run's returns are off in
+    common; noise: RMS distance of returns on a wall from their runs' lines [m], one number for the
+    sweep."""
 
     start: IntArray
     stop: IntArray
     ring: IntArray
     moments: Array
     z: Array
+    sigma: Array
     noise: float
 
     def __len__(self) -> int:
@@ -49,7 +51,8 @@ def straight_runs(sweep: Sweep, config: ExtractionConfig) -> Runs:
     heights = np.concatenate([[0.0], np.cumsum(sweep.xyz[:, 2] - sweep.origin[2])])
     z = (heights[stop] - heights[start]) / (stop - start)
     ring = sweep.ring[start].astype(np.int64)
-    return Runs(start, stop, ring, sums[stop] - sums[start], z, noise)
+    sigma = np.full(len(start), config.beam_sigma)
+    return Runs(start, stop, ring, sums[stop] - sums[start], z, sigma, noise)
 
 
 def _windows(
@@ -62,7 +65,7 @@ def _windows(
     cut = np.flatnonzero((sweep.ring[1:] != sweep.ring[:-1]) | jump) + 1
     bounds = np.concatenate([[0], cut, [len(xy)]])
     piece = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
-    spacing = np.maximum(reach * 0.0042, 0.004)
+    spacing = np.maximum(reach * _column_step(sweep), 0.004)
     half = np.clip((0.5 * config.window / spacing).astype(np.int64), 4, 40)
     place = np.arange(len(xy))
     start = np.maximum(place - half, bounds[piece])
@@ -74,6 +77,11 @@ def _windows(
     likely = residual[long_enough & (residual < 2.0 * high)]
     noise = float(np.clip(np.median(likely), low, high)) if len(likely) else high
     return long_enough & (residual < config.straight * noise), lines.angle, noise, bounds[piece]
+
+
+def _column_step(sweep: Sweep) -> float:
+    """The angle between two shots of a beam, as most are apart [rad]."""
+    return float(np.median(np.diff(sweep.azimuth))) if len(sweep) > 1 else np.inf
 
 
 def _unbroken(
