@@ -55,10 +55,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         status = 130
     except Exception as error:
-        return _report(error)
+        if not _stopped(error):
+            return _report(error)
+        status = 130
     if status == 130:
         _say("stopped")
     return status if isinstance(status, int) else 0
+
+
+def _stopped(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: a library that was being loaded makes its own of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _report_usage(error: typer.TyperException) -> int:
