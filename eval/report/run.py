@@ -57,7 +57,7 @@ class RunFiles:
 def read_run(folder: Path) -> RunFiles:
     """The files of a finished run. Raises InputError."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such run; the folder of a finished run was expected")
+        raise InputError(f"{folder}: no such run; expected its folder, as runs/SE1-gnn-s0")
     truth, rooms, plan = (folder / name for name in ("truth.tum", ROOMS_FILE, "plan.png"))
     return RunFiles(
         config=read_json(folder / CONFIG_FILE),
