@@ -6,7 +6,6 @@ names and defaults from here before anything heavy is imported.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -79,6 +78,10 @@ class RunConfig:
 
 # --- values ---------------------------------------------------------------------------------------
 
+MOST = 1e6
+"""Of seconds, and of metres in one."""
+SWEEP = 0.1
+"""How long one sweep takes [s]."""
 LONGEST = 1000
 """Characters of a name or a path."""
 
@@ -124,8 +127,10 @@ def _check_counts(config: RunConfig) -> None:
 def _check_positive(config: RunConfig) -> None:
     for name, unit in (("duration", "seconds"), ("speed", "m/s")):
         value = getattr(config, name)
-        if value is not None and not 0.0 < value < math.inf:
-            refuse(f"{name}: expected {unit} above 0, got {value}")
+        if value is not None and not 0.0 < value < MOST:
+            refuse(f"{name}: expected {unit} above 0 and below {MOST:g}, got {value}")
+    if config.duration is not None and config.duration < SWEEP:
+        refuse(f"duration: expected one sweep at least, {SWEEP:g} seconds, got {config.duration}")
 
 
 def slug(name: str) -> str:

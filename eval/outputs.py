@@ -1,4 +1,4 @@
-"""The files of a run folder: trajectories, map, graph and metrics, each whole or absent.
+"""The files of a run folder: trajectories, map and metrics, each whole or absent.
 
 Readers raise InputError that names the file, the place and what was expected.
 """
@@ -16,20 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from eval.files import check, finite, read_json, read_text, write_bytes, write_text
-from eval.graphfile import (
-    FloorNode,
-    GraphEdge,
-    KeyframeNode,
-    Node,
-    PieceEntry,
-    PlaneNode,
-    RoomNode,
-    SceneGraph,
-    WallNode,
-    graph_json,
-    read_graph,
-    write_graph,
-)
 from eval.metrics import SCHEMA, Metrics
 from eval.pointfile import ply_vertices
 from eval.trajectory import Trajectory
@@ -42,30 +28,6 @@ from slam.core import (
     rotation_from_quaternion_xyzw,
 )
 from worlds.fields import shown
-
-__all__ = [
-    "FloorNode",
-    "GraphEdge",
-    "KeyframeNode",
-    "Node",
-    "PieceEntry",
-    "PlaneNode",
-    "RoomNode",
-    "SceneGraph",
-    "WallNode",
-    "graph_json",
-    "metrics_json",
-    "metrics_of",
-    "metrics_values",
-    "read_graph",
-    "read_metrics",
-    "read_ply",
-    "read_tum",
-    "write_graph",
-    "write_metrics",
-    "write_ply",
-    "write_tum",
-]
 
 # --- trajectories: "stamp x y z qx qy qz qw", one line per pose -----------------------------------
 

@@ -17,9 +17,10 @@ from eval.artefact import Replay, artefact_path, recorded
 from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
+from eval.graphfile import write_graph
 from eval.labels import TruthKeeper
 from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
-from eval.outputs import write_graph, write_metrics, write_ply, write_tum
+from eval.outputs import write_metrics, write_ply, write_tum
 from eval.picture import plan_png
 from eval.registered import RegisteredAhead
 from eval.report.run import write_report

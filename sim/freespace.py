@@ -12,8 +12,10 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.sparse import csr_matrix
 from shapely.geometry.base import BaseGeometry
 
-from slam.core import Array, IntArray
+from slam.core import Array, InputError, IntArray
 
+MOST_CELLS = 40_000_000
+"""Of a grid: 4 GB of numbers about them; at 10 cm, 600 m x 600 m."""
 COMFORT = 0.6
 """Distance from walls [m] beyond which more room is worth no detour."""
 
@@ -94,9 +96,17 @@ class FreeSpace:
 def free_space(
     walls: BaseGeometry, region: BaseGeometry, distance: float, cell: float = 0.05
 ) -> FreeSpace:
-    """The free space of a point that stays in ``region`` and ``distance`` [m] off ``walls``."""
+    """The free space of a point that stays in ``region`` and ``distance`` [m] off ``walls``.
+
+    Raises InputError for a region that a grid of ``MOST_CELLS`` does not cover.
+    """
     forbidden = shapely.buffer(walls, distance, quad_segs=4)
     low_x, low_y, high_x, high_y = shapely.bounds(region)
+    if (high_x - low_x) * (high_y - low_y) > MOST_CELLS * cell**2:
+        raise InputError(
+            f"rooms over {high_x - low_x:.0f} x {high_y - low_y:.0f} m: too many for one route; "
+            "choose a storey, or a smaller building"
+        )
     xs = np.arange(low_x - cell, high_x + 2.0 * cell, cell)
     ys = np.arange(low_y - cell, high_y + 2.0 * cell, cell)
     free = covered(region, xs, ys) & ~covered(forbidden, xs, ys)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 from scipy.sparse.csgraph import connected_components
-from shapely.geometry import Polygon
 
 from sim.levels import Levels, driving_levels
 from sim.loops import Passage, with_loops
 from sim.names import unknown_name
 from sim.roadmap import Roadmap, build_roadmap
+from sim.roomchoice import choose_part, first_room, room_named, rooms_of, storeys_of
 from sim.smooth import smooth
+from sim.targets import targets_in
 from sim.tour import plan_tour
 from slam.core import Array, InputError, IntArray
 
@@ -78,17 +78,17 @@ def plan_route(
     that ramps join, or the first); part: the rooms of that route only.
     Raises InputError for an unknown storey or room, and where no room can be reached.
     """
-    storeys = _storeys(world, storey if part is None else part.storey)
-    rooms = _rooms_of(world, storeys, part)
-    start = _named(rooms, start_room)
+    storeys = storeys_of(world, storey if part is None else part.storey)
+    rooms = rooms_of(world, storeys, part)
+    start = room_named(rooms, start_room)
     levels = _levels(world, rooms, storeys, config)
     graph = levels.graph()
     _, parts = connected_components(graph, directed=False)
     inside = [levels.inside(room) for room in rooms]
-    chosen = _choose_part(parts, inside, rooms, start)
+    chosen = choose_part(parts, inside, rooms, start)
     reached = [cells[parts[cells] == chosen] for cells in inside]
-    first = start if start is not None else _first(rooms, reached)
-    targets = [_targets(levels, r, c, config) for r, c in zip(rooms, reached, strict=True)]
+    first = start if start is not None else first_room(rooms, reached)
+    targets = [targets_in(levels, r, c, config.view) for r, c in zip(rooms, reached, strict=True)]
     passages = _passages(world, levels, rooms, reached)
     goals = _Goals.of(targets, first)
     roadmap = build_roadmap(graph, _places(goals, passages))
@@ -111,48 +111,7 @@ def named_route(plan: Plan, name: str) -> NamedRoute:
     raise unknown_name("route", name, [route.name for route in plan.routes])
 
 
-# --- which rooms ---------------------------------------------------------------------------------
-
-
-def _storeys(world: World, storey: int | None) -> list[int]:
-    """The storeys that a route can lead through."""
-    if storey is None:
-        joined = {k for ramp in world.ramps for k in (ramp.storey, ramp.storey + 1)}
-        return sorted(joined) or [world.truth.floors[0].storey if world.truth.floors else 0]
-    storeys = len(world.footprints)
-    if not 0 <= storey < storeys:
-        raise InputError(f"storey {storey}: the building has storeys 0 to {storeys - 1}")
-    return [storey]
-
-
-def _rooms_of(world: World, storeys: Sequence[int], part: NamedRoute | None) -> list[Room]:
-    rooms = [room for room in world.truth.rooms if room.storey in storeys]
-    if part is not None:
-        drawn = {room.id: room.name for room in world.plan.storeys[part.storey].rooms}
-        order = [drawn[k] for k in part.rooms]
-        # Rooms that nothing separates are one, named after all of them.
-        rank = {room.id: _rank(order, room) for room in rooms}
-        rooms = sorted((r for r in rooms if rank[r.id] < len(order)), key=lambda r: rank[r.id])
-    if not rooms:
-        raise InputError(f"storey {storeys[0]}: expected at least one room")
-    return rooms
-
-
-def _rank(order: list[str], room: Room) -> int:
-    """The first place of a room in a route's ``order``, or the order's length."""
-    names = {room.name, *room.name.split(" + ")}
-    return next((k for k, name in enumerate(order) if name in names), len(order))
-
-
-def _named(rooms: list[Room], name: str | None) -> int | None:
-    """The place of the room with that name (or with that one but for its case)."""
-    if name is None:
-        return None
-    names = [room.name for room in rooms]
-    folded = [n.lower() for n in names]
-    if name.lower() not in folded:
-        raise unknown_name("start room", name, names)
-    return names.index(name) if name in names else folded.index(name.lower())
+# --- the world as cells --------------------------------------------------------------------------
 
 
 def _levels(world: World, rooms: list[Room], storeys: Sequence[int], config: RouteConfig) -> Levels:
@@ -168,77 +127,6 @@ def _room_of(levels: Levels, inside: list[IntArray]) -> IntArray:
     for i, cells in enumerate(inside):
         found[cells] = i
     return found
-
-
-def _choose_part(
-    parts: IntArray, inside: list[IntArray], rooms: list[Room], start: int | None
-) -> int:
-    """The part that holds most of the start room; without one, that which reaches most rooms."""
-    if start is not None:
-        if not len(inside[start]):
-            raise InputError(f"start room '{rooms[start].name}': the base does not fit into it")
-        return int(np.bincount(parts[inside[start]]).argmax())
-    reached = np.zeros(int(parts.max(initial=0)) + 1)
-    for cells in inside:
-        area = np.bincount(parts[cells], minlength=len(reached))
-        reached += (area > 0) + area / max(len(parts), 1)
-    if not reached.any():
-        raise InputError("not one room that the base can reach: no room has space for it")
-    return int(reached.argmax())
-
-
-def _first(rooms: list[Room], reached: list[IntArray]) -> int:
-    """The first reached room that is a room, not a corridor; a corridor where there is no other."""
-    open_rooms = [i for i, cells in enumerate(reached) if len(cells)]
-    return min(open_rooms, key=lambda i: (_dislike(rooms[i].kind), i))
-
-
-def _dislike(kind: str) -> int:
-    """How little a kind of room is liked to start in."""
-    return {"room": 0, "corridor": 2, "stairs": 2, "elevator": 2}.get(kind, 1)
-
-
-# --- where to go in them -------------------------------------------------------------------------
-
-
-def _targets(levels: Levels, room: Room, cells: IntArray, config: RouteConfig) -> IntArray:
-    """Cells to visit in a room: its middle, then whatever is far from all chosen or hidden."""
-    if not len(cells):
-        return cells
-    points = levels.places(cells)
-    clearance = levels.space.clearance[tuple(levels.space.cells[cells].T)]
-    outline = shapely.buffer(room.polygon, -0.05)
-    shapely.prepare(outline)
-    chosen = [_middle(points, clearance, room)]
-    unseen = points[:: max(1, len(points) // 400)]
-    few = 0.03 * len(unseen)
-    unseen = _hidden(unseen, points[chosen[0]], outline, config.view)
-    while len(unseen) > few:
-        midst = unseen[np.argmin(np.linalg.norm(unseen - np.median(unseen, axis=0), axis=1))]
-        chosen.append(_roomy_near(points, clearance, midst))
-        unseen = unseen[np.linalg.norm(unseen - midst, axis=1) > 1.0]
-        unseen = _hidden(unseen, points[chosen[-1]], outline, config.view)
-    return np.unique(cells[chosen])
-
-
-def _middle(points: Array, clearance: Array, room: Room) -> int:
-    """The roomy cell nearest to the middle of the outline."""
-    off_middle = np.linalg.norm(points - np.asarray(room.polygon.centroid.coords[0]), axis=1)
-    return int(np.argmin(np.where(clearance >= 0.7 * clearance.max(), off_middle, np.inf)))
-
-
-def _hidden(samples: Array, eye: Array, outline: Polygon, view: float) -> Array:
-    """The samples (N, 2) that are farther than ``view`` from ``eye`` or behind a corner."""
-    lines = np.stack([np.broadcast_to(eye, samples.shape), samples], axis=1)
-    near = np.linalg.norm(samples - eye, axis=1) <= view
-    return samples[~(near & shapely.covers(outline, shapely.linestrings(lines)))]
-
-
-def _roomy_near(points: Array, clearance: Array, place: Array) -> int:
-    """The cell with most room about it within 1 m of a place."""
-    distances = np.linalg.norm(points - place, axis=1)
-    liked = np.where(distances <= distances.min() + 1.0, clearance - 0.1 * distances, -np.inf)
-    return int(np.argmax(liked))
 
 
 # --- the tour ------------------------------------------------------------------------------------

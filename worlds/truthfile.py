@@ -194,8 +194,8 @@ def _read_face(field: Field, index: int) -> Face:
         room=parts["room"].whole(),
         normal=_numbers(parts["normal"], 3),
         d=parts["d"].number(),
-        segment=_points(parts["segment"], 2),
-        parts=np.array([_points(item, 2) for item in parts["parts"].items()]),
+        segment=_segment(parts["segment"]),
+        parts=np.array([_segment(item) for item in parts["parts"].items()]).reshape(-1, 2, 2),
         z_range=(low, high),
         surface=parts["surface"].whole(),
     )
@@ -230,6 +230,13 @@ def _points(field: Field, least: int) -> Array:
     if len(points) < least:
         field.wrong(f"at least {least} points")
     return np.array(points)
+
+
+def _segment(field: Field) -> Array:
+    points = _points(field, 2)
+    if len(points) > 2:
+        field.wrong("two points")
+    return points
 
 
 def _numbers(field: Field, count: int) -> Array:

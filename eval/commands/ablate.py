@@ -51,10 +51,11 @@ def ablate(
     workers: Annotated[int | None, Option(help="Processes (default: one a core).")] = None,
     cluster: Annotated[Listed, Option(help="Address of a Dask scheduler, tcp://...")] = None,
 ) -> int:
-    """Compare variants on the same scenes and seeds: paired differences with their spread.
+    """Compare variants over scenes and seeds.
 
-    The first value of each option makes the variant that the others are compared with. Results are
-    kept in OUT: the same command goes on after an interruption, and adds what is new.
+    The first value of each option makes the variant that the others are compared with, pair by pair
+    of the same scene and seed. Results are kept in OUT: the same command goes on after an
+    interruption, and adds what is new.
     """
     from rich.console import Console
 

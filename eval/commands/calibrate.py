@@ -26,7 +26,10 @@ def calibrate(
     ] = None,
     seed: Annotated[int, Option(help="Of the search for walls and of the simulated noise.")] = 0,
 ) -> None:
-    """Take a real sensor's errors from a recording, and put a preset in its place to compare."""
+    """Take a sensor's errors from a recording.
+
+    And put a preset in its place, to see both side by side.
+    """
     from rich.console import Console
 
     from eval.calibration import compare, save_picture, write_sensor

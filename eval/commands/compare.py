@@ -24,10 +24,11 @@ def compare(
     ] = 1.0,
     markdown: Annotated[Path | None, typer.Option(help="Write the table to this file too.")] = None,
 ) -> int:
-    """Two sets of results: what moved beyond noise from A (say, the main branch) to B (yours).
+    """Compare two result sets: the CI gate.
 
-    Exit status 1 if anything is worse. Runs pair by scene and seed; noise is judged by a t-test of
-    the mean over scenes, Holm-adjusted over all metrics, at 5 %.
+    What moved beyond noise from A (say, the main branch) to B (yours)? Exit status 1 if anything is
+    worse. Runs pair by scene and seed; noise is judged by a t-test of the mean over scenes,
+    Holm-adjusted over all metrics, at 5 %.
     """
     from rich.console import Console
 

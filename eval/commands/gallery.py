@@ -16,7 +16,7 @@ def gallery(
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs with --save.")],
     out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("eval/pictures"),
 ) -> None:
-    """Make the README's pictures from runs: how the graph grows, the plan, the page."""
+    """Make the README's pictures from runs."""
     from rich.console import Console
 
     from eval.files import make_folder, write_bytes

@@ -7,33 +7,39 @@ from typing import Annotated
 
 import typer
 
+from eval.commands.options import (
+    Conditions,
+    Duration,
+    Option,
+    Seed,
+    Sensor,
+    Speed,
+    Start,
+    Storey,
+)
 from eval.config import RunConfig
-
-Option = typer.Option
 
 
 def record(
     scene: Annotated[str, typer.Argument(help="A name of the catalogue, or a building's file.")],
-    seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
+    seed: Seed = RunConfig.seed,
     out: Annotated[
         Path | None, Option(help="The bag's folder, a new one (default: bags/SCENE-sN).")
     ] = None,
-    duration: Annotated[
-        float | None, Option(help="Simulated seconds (default: the whole route).")
-    ] = None,
-    speed: Annotated[float | None, Option(help="Of the base, m/s.")] = None,
-    storey: Annotated[int | None, Option(help="Counted from 0.")] = None,
-    start: Annotated[str | None, Option(help="The room to start in.")] = None,
-    sensor: Annotated[str, Option(help="Preset of the LiDAR, or a .toml file.")] = RunConfig.sensor,
-    conditions: Annotated[
-        str | None,
-        Option(help="How it is built, and what stands in it (default: as the scene says)."),
-    ] = None,
+    duration: Duration = None,
+    speed: Speed = None,
+    storey: Storey = None,
+    start: Start = None,
+    sensor: Sensor = RunConfig.sensor,
+    conditions: Conditions = None,
     labels: Annotated[
         bool, Option("--labels", help="Write labels.npz, the truth of every point, beside it.")
     ] = False,
 ) -> None:
-    """Record a drive: scans, wheel odometry, transforms and the true poses as a ROS 2 bag."""
+    """Record a drive as a ROS 2 bag.
+
+    It holds the scans, the wheel odometry, transforms and the true poses.
+    """
     config = RunConfig(
         scene=scene,
         seed=seed,

@@ -11,7 +11,7 @@ import typer
 def report(
     folder: Annotated[Path, typer.Argument(help="The folder of a run or of an ablation.")],
 ) -> None:
-    """Write report.html beside a run's files: one page, to be read anywhere."""
+    """Make a run's page, report.html, again."""
     from rich.console import Console
 
     from eval.report.ablation import write_ablation

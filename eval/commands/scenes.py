@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eval.commands.options import Conditions, Option, Seed, Unit, Up
 from eval.config import RunConfig
 
 if TYPE_CHECKING:
@@ -14,13 +15,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from worlds.world import World
-
-Option = typer.Option
-Unit = Annotated[
-    str | None,
-    Option(help="Unit of a mesh or IFC file: m, cm, mm, in, ft, or a factor to metres."),
-]
-Up = Annotated[str | None, Option(help="The axis of a mesh that points up: y or z.")]
 
 
 def scenes(
@@ -30,17 +24,14 @@ def scenes(
     out: Annotated[
         Path | None, Option(help="The file written (default: SCENE.png, SCENE.truth.json).")
     ] = None,
-    conditions: Annotated[
-        str | None,
-        Option(help="How it is built, and what stands in it (default: as the scene says)."),
-    ] = None,
-    seed: Annotated[int, Option(help="Of everything random.")] = RunConfig.seed,
+    conditions: Conditions = None,
+    seed: Seed = RunConfig.seed,
     storey: Annotated[int | None, Option(help="Only this one, counted from 0.")] = None,
     route: Annotated[bool, Option("--route", help="Draw the route of a run, too.")] = False,
     unit: Unit = None,
     up: Up = None,
 ) -> None:
-    """The catalogue with its counts; pictures of scenes, and their truth."""
+    """Show the scenes: counts, pictures, truth."""
     from rich.console import Console
 
     options = {"--show": show, "--truth": truth, "--sheet": sheet}

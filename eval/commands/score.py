@@ -38,8 +38,9 @@ def score(
     storey: Annotated[int | None, Option(help="Of a scene, counted from 0.")] = None,
     out: Annotated[File, Option(help="Write metrics.json to this folder.")] = None,
 ) -> None:
-    """Somebody else's trajectory, map or rooms against a scene's truth, with the same metrics.
+    """Score another system's results.
 
+    Its trajectory, map or rooms against a scene's truth, with the same metrics as a run's.
     A trajectory is aligned with the true one, and the map and the rooms with it; without a
     trajectory they are taken to be in the scene's own frame. What does not apply is null.
     """

@@ -40,7 +40,10 @@ def train(
         ),
     ] = False,
 ) -> None:
-    """Make a training set and train on it; writes weights and a picture of the curves."""
+    """Train the detector, or study it.
+
+    Makes a training set and trains on it; writes weights and a picture of the curves.
+    """
     for name, value, least in (("seed", seed, 0), ("layouts", layouts, 10), ("epochs", epochs, 1)):
         if value is not None and value < least:
             raise typer.BadParameter(f"{name}: expected {least} or more, got {value}")

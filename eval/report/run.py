@@ -25,6 +25,9 @@ REPORT_FILE = "report.html"
 NONE = "-"
 """Said where a number does not apply."""
 
+MOST = 1e15
+"""A number that is no smaller says nothing."""
+
 STAGE_TIMES = ("median_ms", "p95_ms")
 
 CAUSES = {
@@ -54,7 +57,7 @@ class RunFiles:
 def read_run(folder: Path) -> RunFiles:
     """The files of a finished run. Raises InputError."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such run; the folder of a finished run was expected")
+        raise InputError(f"{folder}: no such run; expected its folder, as runs/SE1-gnn-s0")
     truth, rooms, plan = (folder / name for name in ("truth.tum", ROOMS_FILE, "plan.png"))
     return RunFiles(
         config=read_json(folder / CONFIG_FILE),
@@ -104,7 +107,7 @@ def get(tree: object, path: str) -> object:
 
 def number(value: object, scale: float = 1.0, digits: int = 2, unit: str = "") -> str:
     """A number as text; ``NONE`` for what is none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < MOST:
         return NONE
     return f"{scale * value:.{digits}f}{unit}"
 

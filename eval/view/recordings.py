@@ -14,7 +14,7 @@ MAGIC = b"RRF"
 def recording_of(run: Path) -> Path:
     """The recording of a run's folder, or the file itself. Raises InputError."""
     if not run.exists():
-        raise InputError(f"{run}: no such run or recording")
+        raise InputError(f"{run}: no such run; expected its folder, as runs/SE1-gnn-s0, or a .rrd")
     if run.is_file():
         return run
     path = run / "recording.rrd"

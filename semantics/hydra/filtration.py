@@ -89,18 +89,6 @@ def _runs(records: Sequence[Record]) -> list[tuple[float, float, int]]:
     return runs
 
 
-def most_repeated(records: Sequence[Record]) -> Record | None:
-    """The positive count that most records share in one run, and where that run begins."""
-    best: Record | None = None
-    longest = start = 0
-    for k, (_, count) in enumerate(records):
-        if k and records[k - 1][1] != count:
-            start = k
-        if count > 0 and k + 1 - start > longest:
-            longest, best = k + 1 - start, (records[start][0], count)
-    return best
-
-
 def dilation(places: Places, config: RoomsConfig) -> float | None:
     """The dilation [m] at which the rooms' cores remain; None if there are none."""
     if config.version == 1:

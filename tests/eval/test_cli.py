@@ -202,6 +202,17 @@ def test_ctrl_c_ends_with_130(stand_in: Callable[[Run], None], capsys: Capture) 
     assert capsys.readouterr().err.strip() == "roomloop: stopped"
 
 
+def test_ctrl_c_while_a_library_is_loaded_ends_with_130_too(
+    stand_in: Callable[[Run], None], capsys: Capture
+) -> None:
+    def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    stand_in(run)
+    assert main(["run", "SE1"]) == 130
+    assert capsys.readouterr().err.strip() == "roomloop: stopped"
+
+
 def test_a_fault_of_ours_keeps_its_trace(stand_in: Callable[[Run], None]) -> None:
     def run(config: RunConfig, progress: object, watchers: object = ()) -> object:
         raise ZeroDivisionError

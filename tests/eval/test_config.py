@@ -15,7 +15,7 @@ from eval.detectors import DETECTORS, ODOMETRIES
 from eval.folder import RUN_FILES, check_folder, claim_folder, config_text, read_config
 from slam.core import InputError
 
-positive = st.floats(min_value=1e-3, max_value=1e6)
+positive = st.floats(min_value=0.1, max_value=1e5)
 texts = st.text(st.characters(categories=["L", "N"], include_characters="/.-_ +"), min_size=1)
 configs = st.builds(
     RunConfig,
@@ -40,6 +40,10 @@ configs = st.builds(
     [
         ("duration", 0, "duration: expected seconds above 0"),
         ("duration", -3.0, "duration: expected seconds above 0"),
+        ("duration", 0.01, "duration: expected one sweep at least, 0.1 seconds, got 0.01"),
+        ("speed", 1e300, "speed: expected m/s above 0 and below 1e.06"),
+        ("scene", "x" * 1001, "scene: expected a text of up to 1000 characters"),
+        ("start", "a\0b", "start: expected a text of up to 1000 characters"),
         ("duration", float("nan"), "duration: expected seconds above 0"),
         ("duration", float("inf"), "duration: expected seconds above 0"),
         ("duration", "60", "duration: expected a number"),

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from eval.files import whole_file, write_text
-from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, StageTime, Walls
-from eval.outputs import (
+from eval.graphfile import (
     FloorNode,
     GraphEdge,
     KeyframeNode,
@@ -22,12 +21,15 @@ from eval.outputs import (
     SceneGraph,
     WallNode,
     graph_json,
-    metrics_json,
     read_graph,
+    write_graph,
+)
+from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, StageTime, Walls
+from eval.outputs import (
+    metrics_json,
     read_metrics,
     read_ply,
     read_tum,
-    write_graph,
     write_metrics,
     write_ply,
     write_tum,

@@ -9,7 +9,8 @@ import pytest
 
 from eval.config import RunConfig
 from eval.folder import read_config
-from eval.outputs import read_graph, read_metrics, read_ply, read_tum
+from eval.graphfile import read_graph
+from eval.outputs import read_metrics, read_ply, read_tum
 from eval.run import run
 from sim.truth import ScanTruth
 from slam.core import InputError

@@ -14,7 +14,6 @@ from semantics.hydra.filtration import (
     cores,
     dilation,
     filtration,
-    most_repeated,
     plateau,
     window,
 )
@@ -47,11 +46,6 @@ def test_plateau(ratio: float, expected: tuple[float, int]) -> None:
 def test_plateau_of_nothing() -> None:
     assert plateau([], 0.5) is None
     assert plateau(records([0, 0]), 0.5) == (1.0, 0)
-
-
-def test_most_repeated_takes_the_earliest_of_the_longest() -> None:
-    counts = [1, 4, 2, 3, 2, 2, 5, 6, 6, 6, 9, 1, 1, 1, 2]
-    assert most_repeated(records(counts)) == (8.0, 6)
 
 
 @pytest.mark.parametrize(("high", "expected"), [(3.1, (1, 2)), (10.1, (1, 4))])

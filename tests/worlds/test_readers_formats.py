@@ -102,6 +102,21 @@ def test_a_plan_takes_no_options(name, tmp_path):
         read_building(FILES["plan"](tmp_path), option)
 
 
+@pytest.mark.parametrize(
+    ("scale", "ceiling", "said"),
+    [(1.0, 300.0, "9 x 6 m, 300 m high"), (1000.0, 2.6, r"9\d\d\d x 6\d\d\d m, 3 m high")],
+)
+def test_what_is_larger_than_any_building_is_refused(tmp_path, scale, ceiling, said):
+    plan = house()
+    (storey,) = plan["storeys"]
+    storey["z_ceiling"] = ceiling
+    for thing in (*storey["rooms"], *storey["walls"], *storey["doors"]):
+        for key in thing.keys() & {"outline", "from", "to", "at"}:
+            thing[key] = (scale * np.array(thing[key])).tolist()
+    with pytest.raises(InputError, match=rf"storeys\[0\]: {said}, expected a building of at most"):
+        read_building(write(plan, tmp_path))
+
+
 # --- JSON ----------------------------------------------------------------------------------------
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import shapely
 from shapely.errors import GEOSException
 
 from slam.core import InputError
@@ -13,6 +14,7 @@ from worlds.planfile import checked_json, plan_of
 from worlds.readers.formats import format_of
 from worlds.readers.options import DEFAULT, ReaderOptions
 from worlds.readers.placing import near_origin
+from worlds.readers.units import HIGHEST, LARGEST
 
 __all__ = ["DEFAULT", "ReaderOptions", "building_files", "read_building"]
 
@@ -32,11 +34,26 @@ def read_building(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
         if getattr(options, name) is not None and name not in taken:
             raise InputError(f"{path}: --{name}: {kind.name} files do not take it")
     try:
-        return read(path, options)
+        plan = read(path, options)
     except GEOSException as error:
         # Outlines that no geometry can be made of, past all that the readers check.
         reason = (str(error).splitlines() or ["broken"])[0]
         raise InputError(f"{path}: expected sound outlines: {reason}") from error
+    _check_size(plan, path)
+    return plan
+
+
+def _check_size(plan: Plan, path: Path) -> None:
+    """Refuses what is larger than any building, before grids and meshes are made of it."""
+    for i, storey in enumerate(plan.storeys):
+        outlines = [storey.walls, *(room.outline for room in storey.rooms)]
+        low_x, low_y, high_x, high_y = shapely.total_bounds(outlines)
+        sides, height = (high_x - low_x, high_y - low_y), storey.z_ceiling - storey.z_floor
+        if max(sides) > LARGEST or height > HIGHEST:
+            raise InputError(
+                f"{path}: storeys[{i}]: {sides[0]:.0f} x {sides[1]:.0f} m, {height:.0f} m high, "
+                f"expected a building of at most {LARGEST:.0f} m, storeys of {HIGHEST:.0f} m"
+            )
 
 
 def building_files(path: Path) -> tuple[Path, ...]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from worlds.drafting import as_multipolygon
@@ -33,17 +33,6 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Hole:
-    """A door, window or other opening as drawn. Heights are above the storey's floor [m]."""
-
-    kind: str
-    footprint: Polygon
-    z_min: float
-    z_max: float
-    glass: bool = False
-
-
-@dataclass(frozen=True)
 class Walls:
     """The walls of a storey. full: those that part rooms from floor to ceiling."""
 
@@ -52,7 +41,7 @@ class Walls:
     openings: tuple[Opening, ...]
 
 
-def build_up(bodies: Sequence[Body], holes: Sequence[Hole], height: float) -> Walls:
+def build_up(bodies: Sequence[Body], holes: Sequence[Opening], height: float) -> Walls:
     """The walls of a storey ``height`` high. Bodies and holes beyond it are left out."""
     inside = [_within(body, height) for body in bodies if _common(body, height) > LOWEST]
     levels = sorted({0.0, height, *(z for body in inside for z in (body.z_min, body.z_max))})
@@ -62,7 +51,7 @@ def build_up(bodies: Sequence[Body], holes: Sequence[Hole], height: float) -> Wa
     return Walls(solid, full, (*cut, *open_))
 
 
-def _common(piece: Body | Hole, height: float) -> float:
+def _common(piece: Body | Opening, height: float) -> float:
     return min(piece.z_max, height) - max(piece.z_min, 0.0)
 
 
@@ -78,7 +67,7 @@ def _slice(bodies: Sequence[Body], low: float, high: float) -> Slice:
     return Slice(low, high, as_multipolygon(shapely.union_all(shapes)))
 
 
-def _cut(holes: Sequence[Hole], walls: MultiPolygon, height: float) -> Iterator[Opening]:
+def _cut(holes: Sequence[Opening], walls: MultiPolygon, height: float) -> Iterator[Opening]:
     for hole in holes:
         if _common(hole, height) <= LOWEST or hole.footprint.intersection(walls).area < SPECK:
             continue

@@ -22,8 +22,8 @@ from shapely.geometry.base import BaseGeometry
 
 from worlds.drafting import as_multipolygon
 from worlds.fields import Field
-from worlds.plan import CEILING_WHERE_UNKNOWN, Plan, RoomOutline, Storey
-from worlds.readers.bodies import Body, Hole, build_up
+from worlds.plan import CEILING_WHERE_UNKNOWN, Opening, Plan, RoomOutline, Storey
+from worlds.readers.bodies import Body, build_up
 from worlds.readers.roomset import kind_of, sound_rooms
 from worlds.readers.trees import member, members, number, text
 from worlds.readers.units import METRE, scale_to_metres
@@ -137,13 +137,13 @@ def _shapes(field: Field) -> list[BaseGeometry]:
     return [_polygon(item) for item in member(field, key).items()]
 
 
-def _holes(field: Field, storeys: Sequence[Field], z_floor: float) -> list[Hole]:
+def _holes(field: Field, storeys: Sequence[Field], z_floor: float) -> list[Opening]:
     """The openings of all storeys, once each; those above or below this one do not matter."""
     found = [_hole(item, z_floor) for item in _own_and_reaching(field, storeys, ("openings",))]
     return list({(hole.footprint.wkb, hole.z_min): hole for hole in found}.values())
 
 
-def _hole(field: Field, z_floor: float) -> Hole:
+def _hole(field: Field, z_floor: float) -> Opening:
     kind = text(field, "kind").lower() or "door"
     outline = member(field, "polygon")
     shape = shapely.convex_hull(_valid(outline, Polygon(_ring(outline))))
@@ -151,7 +151,7 @@ def _hole(field: Field, z_floor: float) -> Hole:
     high = number(field, "z_max", z_floor + max(low, 0.0) + DOOR_HEIGHT) - z_floor
     if high <= low:
         field.fail(f"expected z_max above z_min, found {high + z_floor:g} and {low + z_floor:g}")
-    return Hole(kind if kind in KINDS else "opening", shape, low, high, glass=kind == "window")
+    return Opening(kind if kind in KINDS else "opening", shape, low, high, glass=kind == "window")
 
 
 # --- rooms and polygons --------------------------------------------------------------------------

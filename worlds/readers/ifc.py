@@ -18,8 +18,8 @@ import shapely
 
 from slam.core import Array, InputError
 from worlds.drafting import as_multipolygon
-from worlds.plan import Plan, RoomOutline, Storey
-from worlds.readers.bodies import Body, Hole, Walls, build_up
+from worlds.plan import Opening, Plan, RoomOutline, Storey
+from worlds.readers.bodies import Body, Walls, build_up
 from worlds.readers.freeareas import free_areas
 from worlds.readers.ifcfile import Building, Element
 from worlds.readers.ifcprocess import read_apart
@@ -179,9 +179,9 @@ def _body(wall: Element, z_floor: float) -> Body:
     return Body(projected(wall.vertices, wall.triangles), low - z_floor, high - z_floor)
 
 
-def _hole(opening: Element, z_floor: float) -> Hole:
+def _hole(opening: Element, z_floor: float) -> Opening:
     low, high = opening.z_range
     shadow = shapely.convex_hull(projected(opening.vertices, opening.triangles))
     glass = opening.kind in ("window", "pane")
     kind = "window" if glass else opening.kind
-    return Hole(kind, shadow, low - z_floor, high - z_floor, glass)
+    return Opening(kind, shadow, low - z_floor, high - z_floor, glass)

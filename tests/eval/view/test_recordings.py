@@ -15,7 +15,7 @@ from slam.core import InputError
 
 
 def test_no_such_run(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nowhere: no such run or recording"):
+    with pytest.raises(InputError, match="nowhere: no such run; expected its folder"):
         view(tmp_path / "nowhere")
 
 
