@@ -87,14 +87,14 @@ def test_files_that_are_no_weights_of_ours_are_refused(tmp_path):
     whole = (tmp_path / "w.npz").read_bytes()
     np.savez(tmp_path / "foreign.npz", a=np.zeros(3))
     np.savez(tmp_path / "pickled.npz", header=np.array([{"a": 1}], dtype=object))
-    bad = {
-        "no such weights": tmp_path / "absent.npz",
-        "cut off": write(tmp_path / "cut.npz", whole[: len(whole) // 2]),
-        "not a weights file": write(tmp_path / "text.npz", b"hello"),
-        "header": tmp_path / "foreign.npz",
-        "not a weights file of ours": tmp_path / "pickled.npz",
-    }
-    for message, path in bad.items():
+    bad = [
+        (tmp_path / "absent.npz", "expected weights of ours"),
+        (write(tmp_path / "cut.npz", whole[: len(whole) // 2]), "expected weights of ours"),
+        (write(tmp_path / "text.npz", b"hello"), "expected weights of ours"),
+        (tmp_path / "foreign.npz", "header"),
+        (tmp_path / "pickled.npz", "weights of ours"),
+    ]
+    for path, message in bad:
         with pytest.raises(InputError, match=message):
             load(path)
 
