@@ -15,7 +15,7 @@ from slam.core import (
     transform_points,
 )
 from slam.frontend import FrontEnd
-from slam.kiss import KissConfig, KissOdometry
+from slam.kiss import KissConfig, KissOdometry, PublishedKissOdometry, _in_plane
 from slam.odometry import MotionLimits, check_motion, deskew
 from slam.vgicp import VgicpOdometry
 
@@ -40,6 +40,35 @@ def test_a_moving_base_is_followed():
     assert np.arctan2(T[1, 0], T[0, 0]) == pytest.approx(0.02 * 19, abs=0.15)
     assert 0.7 < T[0, 3] < 1.2
     assert abs(T[1, 3]) < 0.1
+
+
+def test_the_published_pipeline_is_the_library_s_own():
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.kiss_icp import KissICP
+
+    config = KISSConfig()
+    config.data.max_range, config.mapping.voxel_size = 20.0, 0.2
+    library, ours = KissICP(config), PublishedKissOdometry(max_range=20.0)
+    T_base_lidar = pose(so3_exp(np.array([0.0, 0.0, 0.5])), np.array([0.2, 0.1, 0.5]))
+    for k in range(3):
+        scan = scan_box(BOX, base_pose(2.0 + 0.05 * k, 2.0, 0.1 * k), None, index=k)
+        scan = dataclasses.replace(scan, T_base_lidar=T_base_lidar)
+        library.register_frame(scan.points, scan.times)
+        T = ours.register(scan)
+        expected = T_base_lidar @ library.last_pose @ inverse(T_base_lidar)
+        assert T == pytest.approx(expected, abs=1e-8)
+
+
+def test_the_next_motion_is_predicted_in_the_plane_of_the_base():
+    T_base_lidar = pose(so3_exp(np.array([0.1, -0.2, 0.3])), np.array([0.2, 0.1, 0.5]))
+
+    def of_lidar(T):
+        return inverse(T_base_lidar) @ T @ T_base_lidar
+
+    driven = pose(so3_exp(np.array([0.0, 0.0, 0.08])), np.array([0.06, 0.01, 0.0]))
+    assert _in_plane(of_lidar(driven), T_base_lidar) == pytest.approx(of_lidar(driven), abs=1e-12)
+    shaken = pose(so3_exp(np.array([0.01, -0.02, 0.0])), np.array([0.0, 0.0, 0.03]))
+    assert _in_plane(of_lidar(shaken), T_base_lidar) == pytest.approx(np.eye(4), abs=1e-12)
 
 
 def test_wheels_predict_the_motion_of_the_lidar():
