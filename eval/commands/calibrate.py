@@ -33,8 +33,11 @@ def calibrate(
     from rich.console import Console
 
     from eval.calibration import compare, save_picture, write_sensor
+    from eval.files import make_folder
     from sim.sensorfile import sensor_named
 
+    for path in filter(None, (out, toml)):
+        make_folder(path.parent)
     found = compare(recording, sensor_named(sensor), seed)
     console = Console()
     console.print(_table(found))

@@ -38,11 +38,14 @@ def scenes(
     asked = [name for name, value in options.items() if value is not None]
     if len(asked) > 1:
         raise typer.BadParameter(f"expected one of {', '.join(options)}, got {' and '.join(asked)}")
+    from eval.files import make_folder
     from eval.screen import our_warnings_only
 
     screen = Console(stderr=True)
     our_warnings_only(screen)
     console = Console()
+    if (written := out or sheet) is not None:
+        make_folder(written.parent)  # before what takes long
     if sheet is not None:
         path = _draw_sheet(out or sheet, conditions, seed)
     elif show is not None or truth is not None:

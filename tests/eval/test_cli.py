@@ -297,8 +297,8 @@ def test_scenes_draws_any_conditions_with_the_route(tmp_path: Path, capsys: Capt
 
 
 def test_scenes_draws_all_on_one_sheet(tmp_path: Path) -> None:
-    assert main(["scenes", "--sheet", str(tmp_path / "sheet.png")]) == 0
-    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["scenes", "--sheet", str(tmp_path / "new" / "sheet.png")]) == 0
+    assert (tmp_path / "new" / "sheet.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_scenes_writes_the_truth_that_a_run_is_scored_against(tmp_path: Path) -> None:
