@@ -88,7 +88,7 @@ def test_files_that_are_no_weights_of_ours_are_refused(tmp_path):
     np.savez(tmp_path / "foreign.npz", a=np.zeros(3))
     np.savez(tmp_path / "pickled.npz", header=np.array([{"a": 1}], dtype=object))
     bad = [
-        (tmp_path / "absent.npz", "expected weights of ours"),
+        (tmp_path / "absent.npz", "no such weights"),
         (write(tmp_path / "cut.npz", whole[: len(whole) // 2]), "expected weights of ours"),
         (write(tmp_path / "text.npz", b"hello"), "expected weights of ours"),
         (tmp_path / "foreign.npz", "header"),
