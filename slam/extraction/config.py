@@ -19,17 +19,18 @@ class ExtractionConfig:
     min_run_points: smallest run.
 
     step, bend: two lines that are so far apart where one ends and the other begins, or differ so
-    much in direction, and explain the returns better by a chi-square of ``gain``, are two walls.
+    much in direction, and explain the returns better by a chi-square of ``gain``, are two walls;
+    bent: a run whose RMS residual is so many standard deviations is cut wherever that helps.
 
     angle, distance: a run belongs to a plane when its direction and its distance are within these;
     reach: largest hole between runs of one plane (a door is 1 m); min_points, min_length: smallest
     plane; max_lean: no wall leans more over the others.
 
     beam_sigma: of a beam's range offset before it has been estimated from the sweep, rest_sigma:
-    after that, at best; flat_sigma: of a wall from stretch to stretch; plumb_sigma: weak prior on a
-    wall's tilt, so that a wall seen by one beam only does not topple, and level_sigma on a floor's;
-    tilt_sigma: of the base; motion_sigma: of what the motion within the sweep leaves of a ray's
-    direction.
+    after that, at best; flat_sigma: of a wall from one ``stretch`` of it to the next; plumb_sigma:
+    weak prior on a wall's tilt, so that a wall seen by one beam only does not topple, and
+    level_sigma on a floor's; tilt_sigma: of the base; motion_sigma: of what the motion within the
+    sweep leaves of a ray's direction.
 
     floor_distance: half thickness of what is taken off as floor, and floor_width of what it is
     fitted to, since the feet of the walls stand on one side of it only; thin: voxel of the sample
@@ -48,6 +49,7 @@ class ExtractionConfig:
     step: float = 0.03
     bend: float = np.radians(1.5)
     gain: float = 25.0
+    bent: float = 1.6
     angle: float = np.radians(1.0)
     distance: float = 0.035
     reach: float = 1.2
@@ -56,7 +58,8 @@ class ExtractionConfig:
     max_lean: float = np.radians(3.0)
     beam_sigma: float = 0.015
     rest_sigma: float = 0.003
-    flat_sigma: float = 0.004
+    flat_sigma: float = 0.003
+    stretch: float = 1.0
     plumb_sigma: float = np.radians(1.0)
     level_sigma: float = np.radians(2.0)
     tilt_sigma: float = np.radians(2.0)

@@ -20,6 +20,16 @@ class Prior:
 
 
 @dataclass(frozen=True)
+class Noise:
+    """Standard deviations [m]: point: of a range; beam: (B,) of what is common to a beam's ranges.
+    stretch: how long a wall is straight [m]."""
+
+    point: float
+    beam: Array
+    stretch: float
+
+
+@dataclass(frozen=True)
 class FittedPlane:
     """normal: (3,), centroid: (3,) on the plane, covariance: (3, 3) as ``PlaneObservation``."""
 
@@ -28,44 +38,50 @@ class FittedPlane:
     covariance: Array
 
 
+MOST = 2000
+"""So many of the points are fitted to, evenly; they stand for the others."""
+
+
 def fit_plane(
     xyz: Array,
     ring: NDArray[np.int16],
     frame: Array,
     origin: Array,
-    noise: float,
-    beam_sigma: Array,
+    noise: Noise,
     prior: Prior,
     config: ExtractionConfig,
 ) -> FittedPlane:
     """A plane through points (N, 3), as a mixed model.
 
-    frame: rows u, v, w with w near the normal; the plane is w = w0 + a u + b v. What is noisy is
-    the range: every point has its own error, and every beam one that its points share. So
-    residuals are taken along the rays, with a random intercept per beam. noise: of a range,
-    beam_sigma: (B,) of what is common to a beam's ranges [m].
+    frame: rows u, v, w with w near the normal; the plane is w = w0 + a u + b v. Every point has its
+    own error along its ray and across it; every beam has one of its range that its points share;
+    and the wall itself is off by some millimetres from stretch to stretch, for all beams alike.
+    Without the last, what is farther up on the wall where a beam meets it farther away would lean.
     """
+    share = max(1, len(xyz) // MOST)
     base = xyz.mean(axis=0)
-    local = (xyz - base) @ frame.T
+    xyz, ring = xyz[::share], ring[::share]
+    u, v, w = frame @ (xyz - base).T
     rays = xyz - origin
     reach = np.linalg.norm(rays, axis=1)
-    along = np.hypot(rays @ frame[2] / reach, reach * config.motion_sigma / noise)
-    design = np.column_stack([local[:, :2], np.ones(len(xyz))]) / along[:, None]
-    target = local[:, 2] / along
-    beams, member = np.unique(ring, return_inverse=True)
-    count = np.bincount(member).astype(np.float64)
-    sums = np.stack([np.bincount(member, weights=column) for column in design.T], axis=1)
-    between = np.maximum(beam_sigma[beams], config.rest_sigma) ** 2
-    shared = between / (noise**2 + count * between)
-    right = design.T @ target - sums.T @ (shared * np.bincount(member, weights=target))
-    information = design.T @ design - (sums * shared[:, None]).T @ sums
-    information, right = information / noise**2, right / noise**2
-    information[:2, :2] += np.diag(prior.information)
+    facing = rays @ frame[2] / reach
+    beams, beam = np.unique(ring, return_inverse=True)
+    stretches, stretch = np.unique(np.floor(u / noise.stretch), return_inverse=True)
+    row = np.arange(len(xyz))
+    design = np.zeros((len(xyz), 3 + len(beams) + len(stretches)))
+    design[:, 0], design[:, 1], design[:, 2] = u, v, 1.0
+    design[row, 3 + beam] = facing
+    design[row, 3 + len(beams) + stretch] = 1.0
+    variance = (noise.point * facing) ** 2 + (reach * config.motion_sigma) ** 2
+    weighted = design * (share / variance)[:, None]
+    information = weighted.T @ design
+    right = weighted.T @ w
+    common = np.full(len(stretches), config.flat_sigma**-2.0)
+    information += np.diag([*prior.information, 1e-6, *noise.beam[beams] ** -2.0, *common])
     right[:2] += prior.information * prior.slopes
-    information += 1e-6 * np.eye(3)
-    a, b, w0 = np.linalg.solve(information, right)
+    a, b, w0 = np.linalg.solve(information, right)[:3]
     normal = np.array([-a, -b, 1.0]) @ frame
-    covariance = _known_at_best(np.linalg.inv(information))
+    covariance = _known_at_best(np.linalg.inv(information)[:3, :3])
     return FittedPlane(normal / np.linalg.norm(normal), base + w0 * frame[2], covariance)
 
 

@@ -74,17 +74,18 @@ class Gatherer:
         return members[near]
 
     def _without_other_wall(self, members: IntArray, seed: int) -> IntArray | None:
-        """The seed's part of a group that two lines explain better than one: of those beside each
-        other, or over each other. None where it is one wall."""
+        """The seed's part of a group that two lines explain better than one: of two walls beside
+        each other, one over the other, or by turns. None where it is one wall."""
         moments = self.moments[members]
         whole = Lines(moments.sum(axis=0, keepdims=True))
         if whole.residual[0] - self.residual[members].sum() < self.config.gain:
             return None
-        for key in (self.mean[members] @ whole.direction[0], self.z[members]):
+        along, mean = whole.direction[0], self.mean[members]
+        for key in (mean @ along, self.z[members], mean @ np.array([-along[1], along[0]])):
             order = np.argsort(key, kind="stable")
             sums = running(moments[order])
-            ends = np.array([0]), np.array([len(members)])
-            cut = int(best_cuts(sums, *ends, 1, 1.0, self.config)[0])
+            stretch = np.array([0]), np.array([len(members)]), np.array([False])
+            cut = int(best_cuts(sums, *stretch, 1, 1.0, self.config)[0])
             if cut > 0:
                 first, second = members[order[:cut]], members[order[cut:]]
                 return np.sort(first if seed in first else second)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slam.core import Array, IntArray, PlaneObservation
 from slam.extraction.config import ExtractionConfig
-from slam.extraction.fit import Prior, fit_plane, thin
+from slam.extraction.fit import Noise, Prior, fit_plane, thin
 from slam.extraction.offsets import BeamOffsets
 from slam.extraction.sweep import Sweep
 
@@ -111,8 +111,8 @@ def _level(
     up = 1.0 if sweep.origin[2] > xyz[:, 2].mean() else -1.0
     frame = np.diag([1.0, up, up])
     prior = Prior(np.zeros(2), np.full(2, config.level_sigma**-2.0))
-    of_range = noise, offsets.sigma
-    plane = fit_plane(xyz, sweep.ring[inliers], frame, sweep.origin, *of_range, prior, config)
+    of = Noise(noise, np.maximum(offsets.sigma, config.rest_sigma), np.inf)
+    plane = fit_plane(xyz, sweep.ring[inliers], frame, sweep.origin, of, prior, config)
     points = sweep.xyz[inliers]
     keep = thin(points, frame[0], frame[1], 2.0 * config.thin)
     return PlaneObservation(

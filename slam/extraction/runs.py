@@ -100,17 +100,19 @@ def _unbroken(
     return start[keep], stop[keep]
 
 
-LEVELS = 3
+LEVELS = 5
 """A run is cut into at most two to this power."""
 
 
 def _cut(
     sums: Array, start: IntArray, stop: IntArray, noise: float, config: ExtractionConfig
 ) -> tuple[IntArray, IntArray]:
-    """Runs, those cut in two that two lines explain better."""
+    """Runs, those cut in two that two lines explain better, and again."""
     whole: list[tuple[IntArray, IntArray]] = []
     for _ in range(LEVELS):
-        cut = best_cuts(sums, start, stop, config.min_run_points, noise**2, config)
+        lines = Lines(sums[stop] - sums[start])
+        bent = lines.residual > lines.weight * (config.bent * noise) ** 2
+        cut = best_cuts(sums, start, stop, bent, config.min_run_points, noise**2, config)
         one = cut < 0
         whole.append((start[one], stop[one]))
         start, cut, stop = start[~one], cut[~one], stop[~one]
@@ -156,13 +158,16 @@ def best_cuts(
     sums: Array,
     start: IntArray,
     stop: IntArray,
+    bent: NDArray[np.bool_],
     smallest: int,
     variance: float,
     config: ExtractionConfig,
 ) -> IntArray:
     """(R,) where each stretch of running moments is to be cut, -1 where it is one line.
 
-    smallest: of the pieces; variance: of what the moments' residuals are sums of squares of.
+    bent: (R,) which are no line, even if no single cut makes two of them, as where pilasters stand
+    out of a wall; smallest: of the pieces; variance: of what the moments' residuals are sums of
+    squares of.
     """
     room = np.maximum(stop - start - 2 * smallest + 1, 0)
     stride = np.maximum(room // 24, 1)
@@ -172,7 +177,7 @@ def best_cuts(
     cuts = start[run] + smallest + nth * stride[run]
     split = Split(sums, start[run], cuts, stop[run])
     two = (split.gain > config.gain * variance) & (
-        (split.gap > config.step) | (split.bend > config.bend)
+        (split.gap > config.step) | (split.bend > config.bend) | bent[run]
     )
     best = np.full(len(start), -1, dtype=np.int64)
     order = np.argsort(split.gain[two], kind="stable")

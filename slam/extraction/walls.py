@@ -6,7 +6,7 @@ import numpy as np
 
 from slam.core import IntArray, PlaneObservation, plane_axes
 from slam.extraction.config import ExtractionConfig
-from slam.extraction.fit import Prior, fit_plane, thin
+from slam.extraction.fit import Noise, Prior, fit_plane, thin
 from slam.extraction.groups import wall_groups
 from slam.extraction.moments import Lines
 from slam.extraction.offsets import BeamOffsets
@@ -46,8 +46,8 @@ def _wall(
     frame = np.array([[-n[1], n[0], 0.0], [0.0, 0.0, 1.0], [n[0], n[1], 0.0]])
     lean = float(n @ offsets.tilt)
     prior = Prior(np.array([0.0, lean]), np.array([0.0, config.plumb_sigma**-2.0]))
-    noise = runs.noise, offsets.sigma
-    plane = fit_plane(xyz, sweep.ring[places], frame, sweep.origin, *noise, prior, config)
+    noise = Noise(runs.noise, np.maximum(offsets.sigma, config.rest_sigma), config.stretch)
+    plane = fit_plane(xyz, sweep.ring[places], frame, sweep.origin, noise, prior, config)
     if abs(plane.normal[2] + lean) > np.sin(config.max_lean):
         return None
     off = (xyz - plane.centroid) @ plane.normal
