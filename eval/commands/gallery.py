@@ -24,20 +24,23 @@ def gallery(
     from eval.screen import line
     from slam.core import RoomloopError
 
-    made = {name: make for run in runs for name, make in _pictures(run).items()}
+    made = [make for run in runs for make in _makers(run)]
     make_folder(out)
     console = Console()
-    for name, make in made.items():
+    for make in made:
         try:
-            write_bytes(out / name, small(make()))
-        except RoomloopError as error:  # one that cannot be made here does not stop the others
-            line(console, f"{name}: left out: {error}")
+            pictures = make()
+        except RoomloopError as error:  # those that cannot be made here do not stop the others
+            line(console, f"left out: {error}")
             continue
-        line(console, str(out / name))
+        for name, png in pictures.items():
+            write_bytes(out / name, small(png))
+            line(console, str(out / name))
 
 
-def _pictures(run: Path) -> Mapping[str, Callable[[], bytes]]:
-    """What there is to see of a run: file name -> how to make it. Raises InputError."""
+def _makers(run: Path) -> list[Callable[[], Mapping[str, bytes]]]:
+    """What there is to see of a run, each with how to make it: file name -> PNG. Raises
+    InputError."""
     from eval.files import read_bytes
     from eval.folder import read_config
     from eval.outputs import read_tum
@@ -52,13 +55,16 @@ def _pictures(run: Path) -> Mapping[str, Callable[[], bytes]]:
     name = Path(read_config(run).scene).stem
     stamps = read_tum(run / "trajectory.tum").stamps
 
-    def graph(share: float) -> Callable[[], bytes]:
-        moment = float(stamps[0] + share * (stamps[-1] - stamps[0]))
-        return lambda: take(recording, [Shot(moment, "Scene graph")])[0]
+    def graphs() -> Mapping[str, bytes]:
+        """The first picture still has the viewer's notices on it."""
+        moments = [float(stamps[0] + share * (stamps[-1] - stamps[0])) for share in MOMENTS]
+        shots = [Shot(moment, "Scene graph") for moment in moments]
+        _, whole, *parts = take(recording, [Shot(), Shot(), *shots])
+        numbered = {f"{name}-graph-{i}.png": png for i, png in enumerate(parts, start=1)}
+        return numbered | {f"{name}-view.png": whole}
 
-    graphs = {f"{name}-graph-{i}.png": graph(share) for i, share in enumerate(MOMENTS, start=1)}
-    return graphs | {
-        f"{name}-view.png": lambda: take(recording, [Shot(), Shot()])[1],  # its notices are gone
-        f"{name}-plan.png": lambda: read_bytes(run / "plan.png"),
-        f"{name}-report.png": lambda: photograph(page, (900, 1300)),
-    }
+    return [
+        graphs,
+        lambda: {f"{name}-plan.png": read_bytes(run / "plan.png")},
+        lambda: {f"{name}-report.png": photograph(page, (900, 1300))},
+    ]

@@ -8,6 +8,7 @@ from html import escape
 from itertools import pairwise
 
 import numpy as np
+from shapely.geometry import Polygon
 
 from slam.core import Array
 
@@ -155,7 +156,10 @@ def _area_name(area: Area, unit: float) -> str:
     """Above the middle, where paths lead; no wider than the area, but to be read."""
     low, high = area.outline.min(axis=0), area.outline.max(axis=0)
     size = np.clip(1.6 * (high[0] - low[0]) / max(len(area.name), 1), 1.2 * unit, 2.2 * unit)
-    x, y = (low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0 + 0.8 * size
+    polygon = Polygon(area.outline).buffer(0.0)
+    middle = polygon.centroid if polygon.contains(polygon.centroid) else polygon.point_on_surface()
+    x, y = (low + high) / 2.0 if polygon.is_empty else (middle.x, middle.y)
+    y += 0.8 * size
     place = f'x="{x:.2f}" y="{-y:.2f}" font-size="{size:.3f}"'
     return f'<text {place} text-anchor="middle">{escape(area.name)}</text>'
 

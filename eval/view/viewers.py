@@ -18,7 +18,7 @@ MEMORY = "1GB"
 """Of a viewer, and of what is kept for browsers that come late; then the oldest goes."""
 
 LOOPBACK = "127.0.0.1"
-START_S = 15.0
+START_S = 45.0
 """How long a viewer may take to listen."""
 
 
