@@ -27,10 +27,11 @@ class ExtractionConfig:
     plane; max_lean: no wall leans more over the others.
 
     beam_sigma: of a beam's range offset before it has been estimated from the sweep, rest_sigma:
-    after that, at best; flat_sigma: of a wall from one ``stretch`` of it to the next; plumb_sigma:
-    weak prior on a wall's tilt, so that a wall seen by one beam only does not topple, and
-    level_sigma on a floor's; tilt_sigma: of the base; motion_sigma: of what the motion within the
-    sweep leaves of a ray's direction.
+    after that, at best; flat_sigma: of a wall from run to run where runs are compared, and
+    wave_sigma from one ``stretch`` of it to the next where a plane is fitted; plumb_sigma: weak
+    prior on a wall's tilt, so that a wall seen by one beam only does not topple, and level_sigma on
+    a floor's; tilt_sigma: of the base; motion_sigma: of what the motion within the sweep leaves of
+    a ray's direction.
 
     floor_distance: half thickness of what is taken off as floor, and floor_width of what it is
     fitted to, since the feet of the walls stand on one side of it only; thin: voxel of the sample
@@ -58,7 +59,8 @@ class ExtractionConfig:
     max_lean: float = np.radians(3.0)
     beam_sigma: float = 0.015
     rest_sigma: float = 0.003
-    flat_sigma: float = 0.003
+    flat_sigma: float = 0.004
+    wave_sigma: float = 0.001
     stretch: float = 1.0
     plumb_sigma: float = np.radians(1.0)
     level_sigma: float = np.radians(2.0)

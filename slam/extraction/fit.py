@@ -76,7 +76,7 @@ def fit_plane(
     weighted = design * (share / variance)[:, None]
     information = weighted.T @ design
     right = weighted.T @ w
-    common = np.full(len(stretches), config.flat_sigma**-2.0)
+    common = np.full(len(stretches), config.wave_sigma**-2.0)
     information += np.diag([*prior.information, 1e-6, *noise.beam[beams] ** -2.0, *common])
     right[:2] += prior.information * prior.slopes
     a, b, w0 = np.linalg.solve(information, right)[:3]
