@@ -69,7 +69,7 @@ def live_steps(
         digest = keeper.digest(scan, truth, frame.keyframe is not None, _used(frame))
         yield Step(frame, digest, scan, seconds)
     if empty:
-        _log.warning("%d sweeps without a single return skipped", empty)
+        _log.warning("sweeps without a single return, skipped: %d", empty)
 
 
 def _used(frame: Frame) -> IntArray:

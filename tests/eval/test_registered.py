@@ -103,7 +103,7 @@ def test_a_sweep_without_returns_is_skipped_and_said(here, caplog):
         with caplog.at_level(logging.WARNING):
             steps = list(live_steps(source, FrontEnd(odometry), TruthKeeper(short()._world.truth)))
         assert [step.frame.index for step in steps] == [0, 1, 3, 4]
-        assert "1 sweeps without a single return skipped" in caplog.text
+        assert "sweeps without a single return, skipped: 1" in caplog.text
 
 
 def test_a_run_in_which_nothing_was_ever_seen_fails(monkeypatch, tmp_path):
