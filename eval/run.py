@@ -18,6 +18,7 @@ from eval.config import RunConfig
 from eval.detectors import make_detector, make_odometry
 from eval.folder import check_folder, claim_folder
 from eval.graphfile import write_graph
+from eval.guard import Guard
 from eval.labels import TruthKeeper
 from eval.metrics import Loops, Metrics, RunFacts, Stages, StageTime, assemble
 from eval.outputs import write_metrics, write_ply, write_tum
@@ -35,7 +36,7 @@ from eval.source import UNKNOWN, Place, make_place
 from eval.steps import Step, TruthFilter, live_steps
 from eval.trajectory import Trajectory
 from slam.backend import BackEnd, BackEndConfig
-from slam.core import Detector, Linking, Proposals, RunError
+from slam.core import Linking, Proposals, RunError
 from slam.frontend import FrontEnd
 from slam.loops import LoopConfig
 
@@ -94,7 +95,7 @@ class _Parts:
     replay: bool
     duration: float
     backend: BackEnd
-    detector: Detector
+    guard: Guard
     keeper: TruthKeeper
     sink: Sink
 
@@ -128,10 +129,12 @@ def run(
     parts.sink.finished()
     if not len(parts.backend.stamps()):
         raise failure or RunError("no sweep had a single return")
+    proposals, fault = _last_word(parts)
+    failure = failure or fault
     facts = replace(_facts(config, parts.place, failure), stages=clock.stages())
     if not parts.replay:
         facts = replace(facts, startup_s=startup_s, wall_s=wall_s)
-    metrics = _finish(parts, facts, folder)
+    metrics = _finish(parts, proposals, facts, folder)
     if failure is not None:
         raise failure
     return RunResult(metrics, folder)
@@ -148,7 +151,7 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequenc
         replay=replay,
         duration=duration,
         backend=BackEnd(back_end_config(config)),
-        detector=make_detector(config.detector, keeper),
+        guard=Guard(make_detector(config.detector, keeper)),
         keeper=keeper,
         sink=make_sink(config, config.folder, watchers),
     )
@@ -210,7 +213,7 @@ def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
     """Asks the detector, and has the truth's word on its answer stored."""
     view = parts.backend.view()
     started = time.perf_counter()
-    proposals = parts.detector.update(view)
+    proposals = parts.guard.ask(view)
     latency = time.perf_counter() - started
     clock.add("semantics", latency)
     parts.keeper.snapshot(stamp, latency, view, proposals)
@@ -221,11 +224,18 @@ def _detect(parts: _Parts, stamp: float, clock: _Clock) -> Proposals:
 # --- afterwards ----------------------------------------------------------------------------------
 
 
-def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
-    """Last optimisation, last word of the detector, scores, files."""
-    backend = parts.backend
-    backend.finish()
-    proposals = parts.detector.update(backend.view())
+def _last_word(parts: _Parts) -> tuple[Proposals, RunError | None]:
+    """Last optimisation, and the detector's word on what came of it; why there is none."""
+    parts.backend.finish()
+    try:
+        return parts.guard.ask(parts.backend.view()), None
+    except RunError as failure:
+        return Proposals(), failure
+
+
+def _finish(parts: _Parts, proposals: Proposals, facts: RunFacts, folder: Path) -> Metrics:
+    """Scores and files."""
+    backend, detector = parts.backend, parts.guard.detector
     record = RunRecord(
         keeper=parts.keeper,
         estimate=Trajectory(backend.stamps(), backend.trajectory()),
@@ -233,7 +243,7 @@ def _finish(parts: _Parts, facts: RunFacts, folder: Path) -> Metrics:
         online=Trajectory(backend.stamps(), backend.online()),
         view=backend.dense_view(),
         proposals=proposals,
-        links=parts.detector.links() if isinstance(parts.detector, Linking) else None,
+        links=detector.links() if isinstance(detector, Linking) else None,
     )
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(backend.stamps()[-1]) - parts.keeper.start

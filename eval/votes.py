@@ -192,8 +192,8 @@ class Voter:
         self, planes: Sequence[MapPlane], proposals: Proposals
     ) -> tuple[tuple[RoomVote, ...], tuple[WallVote, ...]]:
         """Votes on all proposed rooms and walls, with what is seen by now."""
-        _check_ids("room", [room.id for room in proposals.rooms])
-        _check_ids("wall", [wall.id for wall in proposals.walls])
+        check_ids("room", [room.id for room in proposals.rooms])
+        check_ids("wall", [wall.id for wall in proposals.walls])
         by_id = {plane.id: plane for plane in planes}
         kept: dict[tuple[int, int, int, bytes], PieceVote] = {}
 
@@ -210,7 +210,8 @@ class Voter:
         return rooms, walls
 
 
-def _check_ids(what: str, ids: Sequence[int]) -> None:
+def check_ids(what: str, ids: Sequence[int]) -> None:
+    """RunError where an id is used twice."""
     if len(set(ids)) < len(ids):
         repeated = min(id for id in ids if ids.count(id) > 1)
         raise RunError(f"detector: {what} id {repeated} was proposed twice in one update")

@@ -22,7 +22,7 @@ class ClusterConfig:
     room if they face each other for this long [m] and this many times their distance.
     """
 
-    room: float = 0.7
+    room: float = 0.5
     certain: float = 0.99
     sides: int = 3
     open_side: float = np.radians(200.0)

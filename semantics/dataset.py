@@ -1,67 +1,100 @@
 """The training set: random buildings, half seen, as the plane mapper would have mapped them.
 
-A building of ``worlds.generator`` gives exact faces, and a walk through it what was seen of each.
-The mapper joined what lies on one plane, shifted and turned each a little (by as much as it was
-measured to do in simulated runs, ``plane_noise.csv``), and now and then made two planes of one or
-one of clutter. What comes out are ``MapPlane`` objects, cut into pieces by the code that also runs
-in the loop, so that training and inference see the same thing. Labels are those of the points, as
-in the scoring.
+A building of ``worlds.generator``, bare or with all that may stand in it, gives exact surfaces, and
+a walk through it what was seen of each. The mapper joined what lies on one plane, shifted and
+turned each a little (by as much as it was measured to do in simulated runs, ``plane_noise.csv``),
+and now and then made two planes of one. What comes out are ``MapPlane`` objects, cut into pieces by
+the code that also runs in the loop, so that training and inference see the same thing. Labels are
+those of the points, as in the scoring: what is on furniture belongs to no room.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from shapely.geometry import MultiPoint
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from semantics.preprocess import Pieces, Preprocessor
-from semantics.sight import SightConfig, seen, walk
+from semantics.sight import SightConfig, Surfaces, seen, walk
 from slam.core import Array, IntArray, MapPlane
 from worlds.conditions import conditions_named
 from worlds.generator import GeneratorConfig, random_plan
 from worlds.truth import Truth
-from worlds.world import true_world
+from worlds.world import true_mesh
 
 NOISE = Path(__file__).parent / "plane_noise.csv"
 """Length of a mapped plane [m], how far it was turned [rad] and shifted [m] off the true one."""
+CONDITIONS = (
+    ("as-built", 0.45),
+    ("furniture", 0.2),
+    ("furniture+open-doors", 0.1),
+    ("office", 0.1),
+    ("clutter", 0.05),
+    ("real-site", 0.1),
+)
+"""What a building is drawn under, and how often."""
 
 
 def buildings(shear: float) -> GeneratorConfig:
     """Random buildings with more of what is hard than there is in most: L- and T-shapes, slanted
-    and round corners; shear: share of those whose walls do not meet at right angles."""
-    return GeneratorConfig(carve=0.25, join=0.12, chamfer=0.08, curve=0.4, shear=shear)
+    and round corners, corridors one behind the other, piers and pillars; shear: share of those
+    whose walls do not meet at right angles."""
+    return GeneratorConfig(
+        kinds=(*GeneratorConfig().kinds, "wings", "wings"),
+        room_width=(1.2, 8.0),
+        room_depth=(1.2, 9.0),
+        max_rooms=24,
+        carve=0.25,
+        join=0.4,
+        chamfer=0.08,
+        curve=0.4,
+        shear=shear,
+        taper=0.3,
+        cross=0.5,
+        piers=0.15,
+        pillars=0.15,
+    )
 
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """layouts: buildings; views: samples of each, after different walks. Chances and sizes of what
-    mapping does: drop: of a face never mapped; noise: deviation of the logarithm by which a map is
-    noisier than the measured ones; twin: of a second plane for a face; clutter: mean number of
-    cupboards and the like in a room; join [m]: gap over which coplanar faces become one plane;
-    spacing [m] of points.
+    """layouts: buildings; views: samples of each, after different walks; conditions: presets, by
+    their shares. Chances and sizes of what mapping does: drop: of a surface never mapped; noise:
+    deviation of the logarithm by which a map is noisier than the measured ones; twin: of a second
+    plane for a part of a surface, noisier by twin_noise; flat [m], parallel [rad]: within what two
+    surfaces are taken for one, drawn for each view; join [m]: gap over which they are; thin [m]:
+    along and up, of the sample of points kept.
     """
 
     layouts: int = 700
     views: int = 3
+    conditions: tuple[tuple[str, float], ...] = CONDITIONS
     drop: float = 0.03
     noise: float = 0.7
-    twin: float = 0.02
-    clutter: float = 0.2
+    twin: float = 0.1
+    twin_noise: float = 2.0
+    flat: tuple[float, float] = (0.0, 0.06)
+    parallel: float = np.radians(1.5)
     join: float = 1.0
-    spacing: float = 0.1
+    thin: tuple[float, float] = (0.05, 0.15)
     sight: SightConfig = field(default_factory=SightConfig)
     generator: GeneratorConfig = field(default_factory=lambda: buildings(shear=0.15))
 
     def draw(self, seed: np.random.SeedSequence) -> list[Sample]:
         """Every view of one building."""
         rng = np.random.default_rng(seed)
-        truth = true_world(random_plan(rng, self.generator), seed, conditions_named("as-built"))
-        return [view_of(truth, self, rng) for _ in range(self.views)]
+        plan = random_plan(rng, self.generator)
+        shares = np.array([share for _, share in self.conditions])
+        name, _ = self.conditions[int(rng.choice(len(shares), p=shares / shares.sum()))]
+        truth, mesh = true_mesh(plan, seed, conditions_named(name))
+        surfaces = Surfaces(truth, mesh, self.sight)
+        return [view_of(truth, surfaces, self, rng) for _ in range(self.views)]
 
 
 @dataclass(frozen=True)
@@ -94,15 +127,15 @@ def samples(training_set: TrainingSet, seed: np.random.SeedSequence) -> Iterator
         yield from training_set.draw(child)
 
 
-def view_of(truth: Truth, config: DatasetConfig, rng: np.random.Generator) -> Sample:
+def view_of(
+    truth: Truth, surfaces: Surfaces, config: DatasetConfig, rng: np.random.Generator
+) -> Sample:
     """What one walk through a building has made of it."""
-    clutter = list(_clutter(truth, config, rng))
     stops = walk(truth, rng, config.sight)
-    in_the_way = np.array([ends for ends, _ in clutter]).reshape(-1, 2, 2)
-    visible = seen(truth, stops, in_the_way, config.sight)
-    visible = {face: parts for face, parts in visible.items() if rng.random() > config.drop}
-    near = [item for item in clutter if _is_near(item[0], stops)]
-    planes, labels = _mapped(truth, visible, near, config, rng)
+    patch, place = seen(surfaces, stops, rng, config.sight)
+    kept = rng.random(len(surfaces.face)) > config.drop
+    patch, place = patch[kept[patch]], place[kept[patch]]
+    planes, labels = _mapped(surfaces, *_thinned(surfaces, patch, place, config), config, rng)
     pieces = Preprocessor()(planes)
     face = _faces_of(pieces, planes, labels)
     room_of = np.array([f.room for f in truth.faces] + [-1])
@@ -113,10 +146,23 @@ def view_of(truth: Truth, config: DatasetConfig, rng: np.random.Generator) -> Sa
 # --- what is mapped ------------------------------------------------------------------------------
 
 
+def _thinned(
+    surfaces: Surfaces, patch: IntArray, place: Array, config: DatasetConfig
+) -> tuple[IntArray, Array]:
+    """The returns, of each cell of a patch one; sorted by patch."""
+    along = np.einsum("hc,hc->h", place[:, :2], surfaces.axis[patch])
+    key = patch
+    for coordinate, size in zip((along, place[:, 2]), config.thin, strict=True):
+        cell = np.floor((coordinate - coordinate.min(initial=0.0)) / size).astype(np.int64)
+        key = key * (int(cell.max(initial=0)) + 1) + cell
+    first = np.unique(key, return_index=True)[1]
+    return patch[first], place[first]
+
+
 def _mapped(
-    truth: Truth,
-    visible: dict[int, Array],
-    clutter: Sequence[tuple[Array, Array]],
+    surfaces: Surfaces,
+    patch: IntArray,
+    place: Array,
     config: DatasetConfig,
     rng: np.random.Generator,
 ) -> tuple[list[MapPlane], list[IntArray]]:
@@ -126,68 +172,50 @@ def _mapped(
     scale = float(np.exp(rng.normal(0.0, config.noise)))
     planes: list[MapPlane] = []
     labels: list[IntArray] = []
-    for group in _groups(truth, visible, config.join):
-        for _ in range(1 + (rng.random() < config.twin)):
-            points, label = _points(truth, group, visible, config, rng)
-            normal = truth.faces[group[0]].normal
-            planes.append(_plane(len(planes), points, normal, heading, scale, rng))
-            labels.append(label)
-    for ends, normal in clutter:
-        points = _on(ends, config.spacing, (0.1, 1.8), rng)
-        planes.append(_plane(len(planes), points, normal, heading, scale, rng))
-        labels.append(np.full(len(points), -1))
+    group = _groups(surfaces, patch, place, float(rng.uniform(*config.flat)), config)
+    for name in range(int(group.max(initial=-1)) + 1):
+        mine = np.flatnonzero(group == name)
+        normal = surfaces.normal[np.bincount(patch[mine]).argmax()]
+        both = [(mine, scale)]
+        if rng.random() < config.twin:
+            both.append((_part(surfaces, patch, place, mine, rng), scale * config.twin_noise))
+        for rows, noise in both:
+            planes.append(_plane(len(planes), place[rows], normal, heading, noise, rng))
+            labels.append(surfaces.face[patch[rows]])
     return planes, labels
 
 
-def _groups(truth: Truth, seen: dict[int, Array], join: float) -> list[list[int]]:
-    """Faces that the mapper takes for one plane: one surface, and no gap wider than ``join``."""
-    by_surface: dict[int, list[int]] = {}
-    for face in seen:
-        by_surface.setdefault(truth.faces[face].surface, []).append(face)
-    groups = []
-    for faces in by_surface.values():
-        normal = truth.faces[faces[0]].normal
-        axis = np.array([-normal[1], normal[0]])
-        spans = sorted((*np.sort(truth.faces[f].segment @ axis).tolist(), f) for f in faces)
-        group, top = [spans[0][2]], spans[0][1]
-        for low, high, face in spans[1:]:
-            if low - top > join:
-                groups.append(group)
-                group = []
-            group.append(face)
-            top = max(top, high)
-        groups.append(group)
-    return groups
+def _part(
+    surfaces: Surfaces, patch: IntArray, place: Array, mine: IntArray, rng: np.random.Generator
+) -> IntArray:
+    """Of the returns of one plane those on some stretch of it."""
+    along = place[mine, :2] @ surfaces.axis[patch[mine[0]]]
+    low, high = np.sort(rng.uniform(along.min(), along.max(), 2))
+    some = mine[(along >= low) & (along <= high)]
+    return some if len(some) else mine
 
 
-def _points(
-    truth: Truth,
-    group: list[int],
-    seen: dict[int, Array],
-    config: DatasetConfig,
-    rng: np.random.Generator,
-) -> tuple[Array, IntArray]:
-    """Points (N, 3) on the faces of a plane, and the face of each."""
-    points, labels = [], []
-    for face in group:
-        shape = truth.faces[face]
-        run = shape.segment[1] - shape.segment[0]
-        direction = run / np.linalg.norm(run)
-        for stretch in seen[face]:
-            ends = shape.segment[0] + stretch[:, None] * direction
-            points.append(_on(ends, config.spacing, shape.z_range, rng))
-            labels.append(np.full(len(points[-1]), face))
-    return np.concatenate(points), np.concatenate(labels)
-
-
-def _on(
-    ends: Array, spacing: float, heights: tuple[float, float], rng: np.random.Generator
-) -> Array:
-    """Points (N, 3) above a segment (2, 2)."""
-    length = float(np.linalg.norm(ends[1] - ends[0]))
-    along = np.repeat(np.arange(0.0, length, spacing) / length, 4)
-    place = ends[0] + along[:, None] * (ends[1] - ends[0])
-    return np.column_stack([place, rng.uniform(*heights, len(place))])
+def _groups(
+    surfaces: Surfaces, patch: IntArray, place: Array, flat: float, config: DatasetConfig
+) -> IntArray:
+    """(H,) the plane that the mapper takes each return (by patch) to be on: patches that face the
+    same way, lie on one plane within ``flat`` [m] and leave no gap wider than ``join`` between them
+    are one."""
+    names, first, number = np.unique(patch, return_index=True, return_inverse=True)
+    if len(names) == 0:
+        return np.zeros(0, dtype=np.int64)
+    normal, axis = surfaces.normal[names], surfaces.axis[names]
+    count = np.bincount(number)
+    middle = np.add.reduceat(place, first) / count[:, None]
+    along = np.einsum("hc,hc->h", place[:, :2], axis[number])
+    low, high = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
+    height = np.einsum("ijc,ic->ij", middle[None] - middle[:, None], normal)  # of j above i
+    at = middle[:, :2] @ axis.T  # (j, i) of j's middle along i
+    half = 0.5 * (high - low)
+    gap = np.abs(at.T - np.diag(at)[:, None]) - half[:, None] - half[None]
+    one = (normal @ normal.T > np.cos(config.parallel)) & (gap < config.join)
+    one &= np.maximum(np.abs(height), np.abs(height.T)) < flat
+    return connected_components(coo_array(one), directed=False)[1].astype(np.int64)[number]
 
 
 def _plane(
@@ -237,35 +265,6 @@ def _noise(length: float, scale: float, rng: np.random.Generator) -> tuple[float
 
 NEAR = 12
 """Rows of the measured noise, up and down, that a plane's own is drawn from."""
-
-
-def _clutter(
-    truth: Truth, config: DatasetConfig, rng: np.random.Generator
-) -> Iterator[tuple[Array, Array]]:
-    """Short upright planes that stand about in rooms, (2, 2) ends and (3,) normal: door leaves,
-    and two sides of cupboards and pillars."""
-    for room in truth.rooms:
-        low_x, low_y, high_x, high_y = room.polygon.bounds
-        for _ in range(rng.poisson(config.clutter)):
-            angle = rng.uniform(-np.pi, np.pi)
-            if rng.random() < 0.7 and room.faces:
-                normal = truth.faces[int(rng.choice(room.faces))].normal
-                angle = np.arctan2(normal[1], normal[0])
-            direction = np.array([np.cos(angle), np.sin(angle)])
-            left = np.array([-direction[1], direction[0]])
-            corner = rng.uniform([low_x, low_y], [high_x, high_y])
-            width, depth = rng.uniform(0.4, 1.8), rng.uniform(0.4, 1.0)
-            ends = np.array([corner, corner + width * direction, corner + depth * left])
-            if not room.polygon.covers(MultiPoint(ends)):
-                continue
-            yield ends[[0, 1]], np.append(-left, 0.0)
-            if rng.random() < 0.6:
-                yield ends[[0, 2]], np.append(-direction, 0.0)
-
-
-def _is_near(ends: Array, stops: Array, reach: float = 6.0) -> bool:
-    """Is some stop within reach of a thing in a room?"""
-    return bool(np.linalg.norm(stops - ends.mean(axis=0), axis=1).min() < reach)
 
 
 # --- labels --------------------------------------------------------------------------------------

@@ -63,7 +63,9 @@ class DetectorConfig:
 CONSERVATIVE = DetectorConfig()
 GREEDY = replace(CONSERVATIVE, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PAPER = DetectorConfig(
-    weights=(WEIGHTS / "paper_same_room.npz", WEIGHTS / "paper_same_wall.npz"), clustering=CYCLES
+    weights=(WEIGHTS / "paper_same_room.npz", WEIGHTS / "paper_same_wall.npz"),
+    clustering=CYCLES,
+    clusters=ClusterConfig(room=0.7),
 )
 PAPER_GREEDY = replace(PAPER, clusters=ClusterConfig(room=0.35), walls=WallConfig(wall=0.3))
 PRESETS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,11 +73,13 @@ def _loaded(path: Path) -> tuple[EdgeClassifier, float]:
 
 @dataclass(frozen=True)
 class LocalConfig:
-    """still: a piece whose ends moved less than this [m] has not changed; reach: how far from a
+    """still: a piece whose ends moved less than this [m] has not changed, if its heights did not
+    by more than risen [m]; reach: how far from a
     change edges are worked out again, and how far from those the network is let look [m]; least:
     share of pieces near a change from which all are done at once."""
 
     still: float = 0.05
+    risen: float = 0.15
     reach: float = 6.0
     most: float = 0.6
 
@@ -101,7 +103,7 @@ class LocalEdges:
         key = names_of(pieces)
         before = places_of(self._key, key)  # (M,) of each piece among the known ones, -1: new
         changed, gone = self._changes(pieces, before)
-        asked, shown = self._surroundings(pieces, changed, gone)
+        asked, shown = self._surroundings(pieces, before, changed, gone)
         if len(shown) > self._config.most * len(pieces):
             asked, shown = np.ones(len(pieces), dtype=bool), np.arange(len(pieces))
         self._edges = self._update(pieces, before, asked, shown)
@@ -114,13 +116,14 @@ class LocalEdges:
         if known is None or len(known) == 0:
             return np.ones(len(pieces), dtype=bool), np.zeros((0, 2, 2))
         moved = np.abs(pieces.segment - known.segment[before]).max(axis=(1, 2))
-        changed = (before < 0) | (moved > self._config.still)
+        risen = np.abs(pieces.height - known.height[before]).max(axis=1)
+        changed = (before < 0) | (moved > self._config.still) | (risen > self._config.risen)
         left = np.ones(len(known), dtype=bool)
         left[before[~changed]] = False
         return changed, known.segment[left]
 
     def _surroundings(
-        self, pieces: Pieces, changed: NDArray[np.bool_], gone: Array
+        self, pieces: Pieces, before: IntArray, changed: NDArray[np.bool_], gone: Array
     ) -> tuple[NDArray[np.bool_], IntArray]:
         """(M,) pieces whose edges are worked out again; and places of those the network sees."""
         spots = np.concatenate([pieces.segment[changed], gone])
@@ -128,14 +131,25 @@ class LocalEdges:
             return np.zeros(len(pieces), dtype=bool), np.zeros(0, dtype=np.int64)
         asked = _within(pieces, spots, self._config.reach)
         shown = _within(pieces, pieces.segment[asked], self._config.reach)
+        shown[self._partners(before, asked)] = True
         return asked, np.flatnonzero(shown | asked)
+
+    def _partners(self, before: IntArray, asked: NDArray[np.bool_]) -> IntArray:
+        """Pieces that had an edge with one of those asked for, however far away."""
+        pairs = self._places(before)[self._edges.pairs]
+        pairs = pairs[(pairs >= 0).all(axis=1)]
+        return pairs[asked[pairs].any(axis=1)].ravel()
+
+    def _places(self, before: IntArray) -> IntArray:
+        """(known,) where each of the known pieces is now, -1 if it is gone."""
+        now = np.full(len(self._key), -1, dtype=np.int64)
+        now[before[before >= 0]] = np.flatnonzero(before >= 0)
+        return now
 
     def _update(
         self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_], shown: IntArray
     ) -> Edges:
-        now = np.full(len(self._key), -1, dtype=np.int64)
-        now[before[before >= 0]] = np.flatnonzero(before >= 0)
-        old, kept = self._edges, now[self._edges.pairs]
+        old, kept = self._edges, self._places(before)[self._edges.pairs]
         there = np.asarray((kept >= 0).all(axis=1))
         old, kept = old.take(there), kept[there]
         stay = np.asarray(~asked[kept].any(axis=1))
@@ -157,9 +171,10 @@ class LocalEdges:
     ) -> None:
         """Pieces as they were when their edges were worked out, so that no drift adds up."""
         if self._pieces is not None:
-            segment = pieces.segment.copy()
+            segment, height = pieces.segment.copy(), pieces.height.copy()
             segment[~asked] = self._pieces.segment[before[~asked]]
-            pieces = Pieces(pieces.plane_id, segment, pieces.normal, pieces.height)
+            height[~asked] = self._pieces.height[before[~asked]]
+            pieces = replace(pieces, segment=segment, height=height)
         self._pieces, self._key = pieces, key
 
 

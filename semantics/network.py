@@ -71,8 +71,8 @@ class Triple(nn.Linear):
     ) -> Tensor:
         """v: (N, node_size), e: (E, edge_size) -> (E, channels)."""
         of_source, of_edge, of_target = self.weight.split(self.sizes, dim=1)
-        there = nn.functional.linear(v, of_target)[target]  # (E, channels)
-        here = nn.functional.linear(v, of_source)[source]  # (E, channels)
+        there = nn.functional.linear(v, of_target).index_select(0, target)  # (E, channels)
+        here = nn.functional.linear(v, of_source).index_select(0, source)  # (E, channels)
         return nn.functional.linear(e, of_edge, self.bias) + here + there
 
 
@@ -99,7 +99,7 @@ class Hop(nn.Module):
         weight = _softmax((seen * self.score).sum(dim=2), source, count)  # (E, H)
         of_edge, of_node = self.message.weight.split([e.shape[1], v.shape[1]], dim=1)
         message = nn.functional.linear(e, of_edge, self.message.bias)  # (E, C)
-        message = message + nn.functional.linear(v, of_node)[target]  # (E, C)
+        message = message + nn.functional.linear(v, of_node).index_select(0, target)  # (E, C)
         message = (message.view(edges, self.heads, -1) * weight[:, :, None]).flatten(1)  # (E, C)
         most = _max_by(message, source, count)  # (N, C), the paper's max over the neighbours
         v_next = torch.relu(self.node(torch.cat([v, most], dim=1)))  # (N, C)
@@ -166,9 +166,9 @@ def _xavier(module: nn.Module) -> None:
 def _softmax(score: Tensor, group: Tensor, count: int) -> Tensor:
     """Softmax of (E, H) over the edges of each group."""
     top = _max_by(score.detach(), group, count)
-    exp = torch.exp(score - top[group])
+    exp = torch.exp(score - top.index_select(0, group))
     total = torch.zeros(count, score.shape[1]).index_add(0, group, exp)
-    return exp / total[group]
+    return exp / total.index_select(0, group)
 
 
 def _max_by(values: Tensor, group: Tensor, count: int) -> Tensor:

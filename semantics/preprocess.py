@@ -1,14 +1,16 @@
 """Mapped planes -> plane pieces: what a room can own of a plane (paper, III-A).
 
 A mapped plane is infinite and may run along several rooms. Its points say where it really is; it is
-cut where nothing was seen for long, and where a wall of another direction stands on it, on the side
-it was seen from. What lies behind it is of no matter: that is another face's concern.
+cut where nothing was seen for long, where a wall of another direction stands on it, on the side it
+was seen from, and where a passage narrows to a door: too short to be mapped itself, the wall there
+leaves a hole of its thickness in both faces of the passage. What lies behind a plane is of no
+matter: that is another face's concern.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,7 +33,12 @@ class PreprocessConfig:
     gap: longest hole within a piece (doors are 1 m, an opening that joins rooms 2.5 m); min_length:
     of a piece; seen: least share of it with points; reach: how far a wall that was not seen to its
     end is taken to go on; inside: how far from both ends of a piece a cut may lie; in_front: how
-    far a wall must stand out to cut; crossing: least angle between the two; duplicate_*: a piece is
+    far a wall must stand out to cut; crossing: least angle between the two; wall: nothing that only
+    stands there is as long, and what is shorter [m] cuts if it was seen as_high (share) as what it
+    cuts: furniture does not make two pieces of the wall behind it; stub: least and largest hole
+    of a wall too short to be mapped, between stub_bins that were all seen, and stub_off: how far
+    the holes in two faces may be from opposite each other; passage: widest that is looked at;
+    duplicate_*: a piece is
     dropped when a longer one that faces the same way lies this near and beside most of it.
     """
 
@@ -44,6 +51,12 @@ class PreprocessConfig:
     inside: float = 0.25
     in_front: float = 0.3
     crossing: float = np.radians(30.0)
+    wall: float = 0.8
+    as_high: float = 0.7
+    stub: tuple[float, float] = (0.12, 0.5)
+    stub_bins: int = 4
+    stub_off: float = 0.2
+    passage: float = 10.0
     duplicate_distance: float = 0.12
     duplicate_angle: float = np.radians(8.0)
     duplicate_share: float = 0.6
@@ -54,13 +67,16 @@ class Pieces:
     """M plane pieces in plan view, map frame [m].
 
     plane_id: (M,); segment: (M, 2, 2), ends in the order of the plane's axis; normal: (M, 2) unit,
-    to the side it was seen from; height: (M, 2) lowest and highest point [m].
+    to the side it was seen from; height: (M, 2) where it was seen lowest and highest, on average
+    along it [m]; barrier: (B, 2, 2) where a wall must stand across a passage that is too short to
+    be mapped.
     """
 
     plane_id: IntArray
     segment: Array
     normal: Array
     height: Array
+    barrier: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
 
     def __len__(self) -> int:
         return len(self.plane_id)
@@ -78,7 +94,11 @@ class Pieces:
     def take(self, places: IntArray | NDArray[np.bool_]) -> Pieces:
         """Some of them."""
         return Pieces(
-            self.plane_id[places], self.segment[places], self.normal[places], self.height[places]
+            self.plane_id[places],
+            self.segment[places],
+            self.normal[places],
+            self.height[places],
+            self.barrier,
         )
 
     def piece(self, place: int) -> PlanePiece:
@@ -101,25 +121,64 @@ class Preprocessor:
         found = {plane.id: (plane.revision, *seen) for plane, seen in fresh}
         self._known = {p.id: found.get(p.id) or self._known[p.id] for p in upright}
         pieces = joined([self._known[plane.id][1] for plane in upright])
+        if len(pieces) == 0:
+            return pieces
         near = near_pairs(pieces, max(self._config.reach, self._config.duplicate_distance))
         pieces, near = _without_duplicates(pieces, near, self._config)
-        return self._seen(_split(pieces, near, self._config))
+        bins = _Bins({name: self._known[name][2] for name in np.unique(pieces.plane_id).tolist()})
+        which, at = _crossed(pieces, near, self._config)
+        holed, hole, barrier = _stubs(pieces, bins, self._config)
+        which, at = np.concatenate([which, holed]), np.concatenate([at, hole])
+        cut = _cut(pieces, which, at, self._config) if len(which) else pieces
+        return self._seen(replace(cut, barrier=barrier), bins)
 
-    def _seen(self, pieces: Pieces) -> Pieces:
-        """Without those that a cut has left with hardly more than a hole."""
-        axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
-        along = np.sort(np.einsum("mkc,mc->mk", pieces.segment, axis), axis=1)
-        length = along[:, 1] - along[:, 0]
-        kept = np.ones(len(pieces), dtype=bool)
-        for place in np.flatnonzero(length < self._config.gap).tolist():
-            seen = self._known[int(pieces.plane_id[place])][2]
-            low, high = np.searchsorted(seen, along[place])
-            kept[place] = (high - low) * self._config.bin > self._config.seen * length[place]
-        return pieces if kept.all() else pieces.take(kept)
+    def _seen(self, pieces: Pieces, bins: _Bins) -> Pieces:
+        """With the heights of what is left of each; without those that a cut has left with hardly
+        more than a hole."""
+        along = _along(pieces)
+        first, last = bins.places(pieces.plane_id, along)
+        count = last - first
+        total = np.cumsum(np.vstack([np.zeros(2), bins.heights]), axis=0)
+        height = (total[last] - total[first]) / np.maximum(count, 1)[:, None]
+        height = np.where(count[:, None] > 0, height, pieces.height)
+        seen = count * self._config.bin > self._config.seen * (along[:, 1] - along[:, 0])
+        kept = seen | (along[:, 1] - along[:, 0] >= self._config.gap)
+        return replace(pieces, height=height).take(kept)
 
     def _is_known(self, plane: MapPlane) -> bool:
         known = self._known.get(plane.id)
         return known is not None and known[0] == plane.revision
+
+
+class _Bins:
+    """Every bin of planes where they were seen, B in all. middle: (B,) along the plane [m];
+    heights: (B, 2) lowest and highest point [m]."""
+
+    def __init__(self, of_plane: Mapping[int, Array]):
+        """of_plane: the bins (K, 3) of each plane, by ascending id."""
+        self._ids = np.array(list(of_plane), dtype=np.int64)
+        rows = np.concatenate(list(of_plane.values()))
+        self.middle, self.heights = rows[:, 0], rows[:, 1:]
+        self._owner = np.repeat(np.arange(len(of_plane)), [len(k) for k in of_plane.values()])
+        # Planes one behind the other on one line, so that one search finds all.
+        self._key = self.middle + 4.0 * LONGEST * self._owner
+
+    def places(self, plane_id: IntArray, along: Array) -> tuple[IntArray, IntArray]:
+        """The first bin (M,) between two places (M, 2) along planes (M,), and one past the last."""
+        shift = 4.0 * LONGEST * np.searchsorted(self._ids, plane_id)
+        first, last = np.searchsorted(self._key, along.T + shift)
+        return first, last
+
+    def holes(self, config: PreprocessConfig) -> IntArray:
+        """Bins after which there is a hole as wide as a wall is thick, all about it being seen."""
+        step, reach = np.diff(self._key) - config.bin, config.stub_bins
+        low, high = config.stub
+        whole = np.append(0, np.cumsum(step < low))
+        hole = np.flatnonzero((step > low) & (step < high))
+        hole = hole[(hole >= reach) & (hole < len(step) - reach)]
+        before = whole[hole] - whole[hole - reach]
+        after = whole[hole + 1 + reach] - whole[hole + 1]
+        return np.asarray(hole[(before == reach) & (after == reach)])
 
 
 def joined(parts: Sequence[Pieces]) -> Pieces:
@@ -138,7 +197,7 @@ def joined(parts: Sequence[Pieces]) -> Pieces:
 
 def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[tuple[Pieces, Array]]:
     """For each plane the stretches along it where it was seen, and every bin along it where it was
-    (its middle [m]); all planes' points at once."""
+    (B, 3): its middle, and its lowest and highest point [m]; all planes' points at once."""
     if not planes:
         return []
     points = np.concatenate([plane.points for plane in planes])
@@ -153,7 +212,7 @@ def _runs(planes: Sequence[MapPlane], config: PreprocessConfig) -> list[tuple[Pi
     along = x * axis[owner, 0] + y * axis[owner, 1]
     low, high = np.minimum.reduceat(z, first), np.maximum.reduceat(z, first)
     d = np.array([plane.d for plane in planes]) + normal[:, 2] * 0.5 * (low + high)
-    plane, start, end, bins = _occupied(along, owner, first, planes, config)
+    plane, start, end, bins = _occupied(along, z, owner, first, planes, config)
     foot = (-d / steepness)[:, None] * level
     ends = np.stack([start, end], axis=1)[:, :, None] * axis[plane][:, None, :]
     everything = Pieces(
@@ -180,14 +239,15 @@ def _check(planes: Sequence[MapPlane], points: Array, normal: Array, owner: IntA
 
 def _occupied(
     along: Array,
+    z: Array,
     owner: IntArray,
     first: IntArray,
     planes: Sequence[MapPlane],
     config: PreprocessConfig,
 ) -> tuple[IntArray, Array, Array, list[Array]]:
     """Plane, start and end [m] of each stretch without a hole wider than the gap, and for each
-    plane the middles of its bins [m]; bins with few points count as empty, so that no stray point
-    moves an end."""
+    plane its bins (B, 3): middle, lowest and highest point [m]; bins with few points count as
+    empty, so that no stray point moves an end."""
     lowest = np.minimum.reduceat(along, first)
     span = np.maximum.reduceat(along, first) - lowest
     if span.max() > LONGEST:
@@ -197,9 +257,7 @@ def _occupied(
     offset = np.cumsum(width) - width
     place = offset[owner] + ((along - lowest[owner]) / config.bin).astype(np.int64)
     count = np.bincount(place, minlength=int(width.sum()))
-    low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
-    np.minimum.at(low, place, along)
-    np.maximum.at(high, place, along)
+    low, high = _extremes(place, along, len(count))
     kept = np.flatnonzero(count >= config.min_count)
     plane = np.searchsorted(offset, kept, side="right") - 1
     breaks = (low[kept[1:]] - high[kept[:-1]] > config.gap) | (np.diff(plane) > 0)
@@ -207,10 +265,20 @@ def _occupied(
     ends = np.append(begins[1:] - 1, len(kept) - 1)[: len(begins)]
     start, end = low[kept[begins]], high[kept[ends]]
     long = end - start >= config.min_length
-    middle = np.split(
-        0.5 * (low[kept] + high[kept]), np.searchsorted(plane, np.arange(1, len(planes)))
+    middle = 0.5 * (low[kept] + high[kept])
+    heights = [extreme[kept] for extreme in _extremes(place, z, len(count))]
+    bins = np.split(
+        np.column_stack([middle, *heights]), np.searchsorted(plane, np.arange(1, len(planes)))
     )
-    return plane[begins][long], start[long], end[long], middle
+    return plane[begins][long], start[long], end[long], bins
+
+
+def _extremes(place: IntArray, value: Array, count: int) -> tuple[Array, Array]:
+    """(count,) smallest and largest value at each place."""
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, place, value)
+    np.maximum.at(high, place, value)
+    return low, high
 
 
 def _without_duplicates(
@@ -250,13 +318,52 @@ def _dot(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
 
 
-def _split(pieces: Pieces, near: Pairs, config: PreprocessConfig) -> Pieces:
-    """Cuts each piece where another one of a different direction stands on its front."""
+def _along(pieces: Pieces) -> Array:
+    """(M, 2) the ends along the plane, as its bins are counted, ascending [m]."""
+    axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
+    return np.sort(np.einsum("mkc,mc->mk", pieces.segment, axis), axis=1)
+
+
+def _stubs(pieces: Pieces, bins: _Bins, config: PreprocessConfig) -> tuple[IntArray, Array, Array]:
+    """Pieces, and where [m] from their start, that have a hole opposite another face's hole; and
+    the lines (B, 2, 2) between the two."""
+    hole = bins.holes(config)
+    middle = 0.5 * (bins.middle[hole] + bins.middle[hole + 1])
+    along, axis = _along(pieces), _axes(pieces)
+    first, last = np.searchsorted(hole, np.stack(bins.places(pieces.plane_id, along)))
+    holed = np.flatnonzero(first < last)
+    i, j = (holed[k] for k in near_pairs(pieces.take(holed), 0.5 * config.passage))
+    away = _dot(pieces.centre[j] - pieces.centre[i], pieces.normal[i])
+    opposed = _dot(axis[i], axis[j]) < -np.cos(config.crossing)
+    opposed &= (away > config.in_front) & (away < config.passage)
+    which: list[int] = []
+    at: list[float] = []
+    barrier: list[Array] = []
+    for a, b in zip(i[opposed].tolist(), j[opposed].tolist(), strict=True):
+        mine = middle[first[a] : last[a]] - along[a, 0]
+        others = middle[first[b] : last[b]] - along[b, 0]
+        spots = pieces.segment[b, 0] + others[:, None] * axis[b]
+        off = np.abs(mine[:, None] - (spots - pieces.segment[a, 0]) @ axis[a])
+        found = np.flatnonzero(off.min(axis=1) < config.stub_off)
+        which += [a] * len(found)
+        at += mine[found].tolist()
+        here = pieces.segment[a, 0] + mine[found, None] * axis[a]
+        barrier += [np.stack([here, spots[off[found].argmin(axis=1)]], axis=1)] if a < b else []
+    lines = np.concatenate([np.zeros((0, 2, 2)), *barrier])
+    return np.array(which, dtype=np.int64), np.array(at), lines
+
+
+def _crossed(pieces: Pieces, near: Pairs, config: PreprocessConfig) -> tuple[IntArray, Array]:
+    """Pieces, and where [m] from their start, on whose front another one of a different direction
+    stands."""
     i, j = near
     axis, length = _axes(pieces), pieces.length
     sine = np.abs(_dot(axis[j], pieces.normal[i]))
-    steep = sine > np.sin(config.crossing)
-    i, j, sine = i[steep], j[steep], sine[steep]
+    low, high = pieces.height.T
+    cutting = length[j] > config.wall
+    cutting |= high[j] - low[i] > config.as_high * (high[i] - low[i])
+    cutting &= sine > np.sin(config.crossing)
+    i, j, sine = i[cutting], j[cutting], sine[cutting]
     away = pieces.segment[j] - pieces.segment[i, 0][:, None, :]
     height = np.einsum("pkc,pc->pk", away, pieces.normal[i])  # of j's ends above i's line
     along = np.einsum("pkc,pc->pk", away, axis[i])
@@ -265,19 +372,22 @@ def _split(pieces: Pieces, near: Pairs, config: PreprocessConfig) -> Pieces:
         at = along[:, 0] - height[:, 0] * (along[:, 1] - along[:, 0]) / rise
     stands = (height.min(axis=1) < config.reach * sine) & (height.max(axis=1) > config.in_front)
     cut = stands & (at > config.inside) & (at < length[i] - config.inside)
-    return _cut(pieces, i[cut], at[cut], config) if cut.any() else pieces
+    return i[cut], at[cut]
 
 
-def near_pairs(pieces: Pieces, reach: float, of: IntArray | None = None) -> Pairs:
+def near_pairs(pieces: Pieces, reach: float | Array, of: IntArray | None = None) -> Pairs:
     """Pairs (i, j), i one ``of`` the pieces, j any other, whose bounding boxes, each grown by
-    ``reach``, touch; sorted. All pieces where ``of`` is None."""
-    low = pieces.segment.min(axis=1) - reach
-    high = pieces.segment.max(axis=1) + reach
+    ``reach`` (or by its own, (M,)), touch; sorted. All pieces where ``of`` is None."""
+    grown = np.reshape(reach, (-1, 1))
+    low = pieces.segment.min(axis=1) - grown
+    high = pieces.segment.max(axis=1) + grown
     of = np.arange(len(pieces)) if of is None else of
     if len(pieces) <= FEW:
-        i, j = np.nonzero(
-            (low[of, None] <= high[None]).all(axis=2) & (high[of, None] >= low[None]).all(axis=2)
-        )
+        touch = np.ones((len(of), len(pieces)), dtype=bool)
+        for least, most in zip(low.T, high.T, strict=True):
+            touch &= least[of, None] <= most
+            touch &= most[of, None] >= least
+        i, j = np.nonzero(touch)
     else:
         boxes = shapely.box(*low.T, *high.T)
         i, j = shapely.STRtree(boxes).query(boxes[of])

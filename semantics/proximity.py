@@ -15,7 +15,13 @@ from slam.core import Array, InputError, IntArray
 NEIGHBOURS = 15
 """Closest neighbours that a piece is joined with (paper, IV)."""
 REACH = 5.0
-"""How far around a piece its neighbours are looked for at first [m]."""
+"""How far around a piece its neighbours are looked for at first [m], and"""
+REACH_SHARE = 1.4
+"""in lengths of a long one: few rooms are longer for their width."""
+SHORT = 0.5
+"""Pieces much shorter than this all count alike as neighbours [m]."""
+TOUCH = 0.2
+"""Pieces much nearer than this all count alike as neighbours [m]."""
 FAR = 1e5
 """Beyond this, everything is as near as anything [m]."""
 
@@ -94,22 +100,24 @@ class InvariantFeatures:
     """Ours: everything in the frame of the piece that looks, so no motion of the map changes it.
 
     x runs along the piece, y along its normal, into the room it bounds. Lengths enter by their
-    logarithm: rooms come in all sizes.
+    logarithm: rooms come in all sizes. How high a piece was seen depends on where the robot stood:
+    what tells a cupboard from a wall is how high those around it were seen.
     """
 
-    node_size = 1
-    edge_size = 14
+    node_size = 2
+    edge_size = 16
 
     def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
-        """By the distance of the segments: a long wall is near to all that stand along it."""
+        """By the distance of the segments, the long ones first: what stands about in a room does
+        not come between its walls."""
         return closest_segments(pieces, neighbours)
 
     def nodes(self, pieces: Pieces) -> Array:
-        """(N, 1) length. What is seen of the height depends on where one stands."""
-        return np.log(pieces.length + 0.1)[:, None]
+        """(N, 2) length and height."""
+        return np.column_stack([np.log(pieces.length + 0.1), np.diff(pieces.height)])
 
     def edges(self, pieces: Pieces, i: IntArray, j: IntArray, gap: Array) -> Array:
-        """(E, 14), see the lines below; both directions of every pair, as in the graph."""
+        """(E, 16), see the lines below; both directions of every pair, as in the graph."""
         n_i, n_j, centre = pieces.normal[i], pieces.normal[j], pieces.centre
         away = centre[j] - centre[i]
         lengths, half = pieces.length, 0.5 * pieces.length[i]
@@ -131,6 +139,7 @@ class InvariantFeatures:
                 np.log(gap + 0.05),
                 squashed[:, 7],
                 np.log(lengths + 0.1)[j] - np.log(lengths + 0.1)[i],
+                pieces.height[j] - pieces.height[i],
                 np.tile(_blocked(pieces, i[: len(i) // 2], j[: len(i) // 2]), 2),
             ]
         )
@@ -177,23 +186,25 @@ def closest_centres(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray
 def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
     """Pairs i < j where either is among the other's closest, and their gaps [m].
 
-    Looks around each piece, and further only around those that have too few within reach.
+    Closest by the gap in lengths of the other. Looks around each piece, and further only around
+    those that have too few within reach.
     """
-    count = len(pieces)
+    count, length = len(pieces), pieces.length
     wanted = min(neighbours, count - 1)
-    reach, lonely = REACH, np.arange(count if wanted > 0 else 0)
+    reach = 0.5 * np.maximum(REACH, REACH_SHARE * length)
+    lonely = np.arange(count if wanted > 0 else 0)
     found: list[Pairs] = []
     while len(lonely):
-        i, j = near_pairs(pieces, 0.5 * reach, lonely)
+        i, j = near_pairs(pieces, reach, lonely)
         gap = segment_gap(pieces.segment[i], pieces.segment[j])
-        near = (gap <= reach) | (reach > FAR)
+        near = (gap <= reach[i] + reach[j]) | (reach[i] > FAR)
         i, j, gap = i[near], j[near], gap[near]
         found.append((np.minimum(i, j), np.maximum(i, j), gap))
         number = np.bincount(i, minlength=count)
         lonely = lonely[number[lonely] < wanted]
-        reach *= 2.0
+        reach = 2.0 * reach
     i, j, gap = _once(found, count)
-    keep = _nearest(i, j, gap, count, neighbours)
+    keep = _nearest(i, j, gap, length, neighbours)
     return i[keep], j[keep], gap[keep]
 
 
@@ -207,13 +218,13 @@ def _once(found: list[Pairs], count: int) -> Pairs:
 
 
 def _nearest(
-    i: IntArray, j: IntArray, gap: Array, count: int, neighbours: int
+    i: IntArray, j: IntArray, gap: Array, length: Array, neighbours: int
 ) -> NDArray[np.bool_]:
-    """Which pairs are among the ``neighbours`` smallest gaps of either of the two."""
-    ends = np.concatenate([i, j])
+    """Which pairs are among the ``neighbours`` closest of either of the two."""
+    ends, others = np.concatenate([i, j]), np.concatenate([j, i])
     pair = np.tile(np.arange(len(i)), 2)
-    order = np.lexsort((np.tile(gap, 2), ends))
-    first = np.searchsorted(ends[order], np.arange(count))
+    order = np.lexsort(((np.tile(gap, 2) + TOUCH) / (length[others] + SHORT), ends))
+    first = np.searchsorted(ends[order], np.arange(len(length)))
     rank = np.arange(len(ends)) - first[ends[order]]
     keep = np.zeros(len(i), dtype=bool)
     keep[pair[order[rank < neighbours]]] = True
@@ -241,10 +252,11 @@ def _point_gap2(point: Array, start: Array, end: Array) -> Array:
 
 
 def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
-    """(E,) 1 where a third piece stands between the middles of two that face each other.
+    """(E,) 1 where a third piece stands between the middles of two that face each other, or a
+    barrier between any two.
 
     Looked at from a hand's breadth in front of each, so that neither hides itself. Where one lies
-    behind the other, which the other features say, nobody looks.
+    behind the other, which the other features say, nobody looks for pieces.
     """
     eye = pieces.centre + 0.1 * pieces.normal
     away = eye[j] - eye[i]
@@ -256,6 +268,10 @@ def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
     other = (third != i[asked[line]]) & (third != j[asked[line]])
     blocked = np.zeros(len(i))
     blocked[asked[line[other]]] = 1.0
+    for start, end in pieces.barrier:
+        apart = _turn(eye[i], eye[j], start[None]) * _turn(eye[i], eye[j], end[None]) < 0.0
+        sides = _turn(start[None], end[None], eye)
+        blocked[apart & (sides[i] * sides[j] < 0.0)] = 1.0
     return blocked
 
 

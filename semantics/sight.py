@@ -1,35 +1,52 @@
-"""What a robot that walks through a building has seen of its faces: rays in plan view.
+"""What a robot that walks through a building has seen of its surfaces, and what is mapped of that.
 
-Part of the training set: the visibility is exact, so glimpses through doors, shadows of corners and
-long faces seen at a slant come out as they do in the loop, at a thousandth of its cost.
+Part of the training set: the rays are those of the sensor, so glimpses through doors, shadows of
+corners and furniture, long faces seen at a slant, and how high up a surface was seen, come out as
+they do in the loop, at a hundredth of its cost.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry import Point, Polygon
 
 from slam.core import Array, IntArray
 from worlds.truth import Truth
+from worlds.world import Mesh
 
 
 @dataclass(frozen=True)
 class SightConfig:
     """stops: (least, most) places in a room where the robot looks around; clear: from its walls
-    [m]; rays: in a turn; range [m]; spacing: of returns along a face [m] up to which the plane
-    extraction still finds a run, with step [rad] between the sensor's own returns; bin: along a
-    face [m]; least: shortest stretch [m] that makes a plane."""
+    [m]; height: of the sensor above the floor [m]; beams, and the elevation of the highest [rad];
+    rays: of a beam in a turn, and true_rays: of the sensor's own; radius: of the robot [m]; range
+    [m]; spacing: of the sensor's returns along a surface [m] up to which the plane extraction still
+    finds a run; gap: a jump that ends a run, min_run: the shortest, min_length and min_points: of
+    the smallest plane, about as in the plane extraction [m]; skirting: above the floor, what is
+    taken for it [m]; level: sine of the slope above which a
+    surface is a floor or lies on its back.
+    """
 
-    stops: tuple[int, int] = (1, 3)
+    stops: tuple[int, int] = (1, 4)
     clear: float = 0.35
-    rays: int = 600
+    height: float = 0.5
+    beams: int = 16
+    elevation: float = np.radians(15.0)
+    rays: int = 720
+    true_rays: int = 1800
+    radius: float = 0.2
     range: float = 25.0
     spacing: float = 0.12
-    step: float = 0.0035
-    bin: float = 0.1
-    least: float = 0.4
+    gap: float = 0.35
+    min_run: float = 0.2
+    min_length: float = 0.35
+    min_points: int = 90
+    skirting: float = 0.06
+    level: float = 0.3
 
 
 def walk(truth: Truth, rng: np.random.Generator, config: SightConfig) -> Array:
@@ -73,77 +90,115 @@ def _inside(polygon: Polygon) -> Array:
     return np.array(polygon.representative_point().coords[0])
 
 
-@dataclass(frozen=True)
-class _Scene:
-    """Everything that stops a ray: start, run: (S, 2); face: (S,), -1 for none; of faces: (F, 2)
-    first end, direction and normal."""
+class Surfaces:
+    """The upright surfaces of a building: P patches, each a face, or one side of one solid that is
+    no face. face: (P,) -1 for none; normal: (P, 3) outward; axis: (P, 2) level, along it."""
 
-    start: Array
-    run: Array
-    face: IntArray
-    origin: Array
-    direction: Array
-    normal: Array
+    def __init__(self, truth: Truth, mesh: Mesh, config: SightConfig = SightConfig()):
+        opaque = ~mesh.glass
+        triangles = mesh.triangles[opaque]
+        normal = _normals(mesh.vertices, triangles)
+        label = mesh.face[opaque].astype(np.int64)
+        sides = np.round(normal * 20.0).astype(np.int64)
+        upright = np.abs(normal[:, 2]) < config.level
+        key = np.column_stack([label, mesh.geom_name[opaque], sides])
+        key[label >= 0, 1:] = 0
+        kinds, patch = np.unique(key[upright], axis=0, return_inverse=True)
+        self.face = np.where(kinds[:, 0] >= 0, kinds[:, 0], -1)
+        self.normal = np.zeros((len(kinds), 3))
+        self.normal[patch.ravel()] = normal[upright]
+        level = self.normal[:, :2] / np.linalg.norm(self.normal[:, :2], axis=1, keepdims=True)
+        self.axis = np.column_stack([-level[:, 1], level[:, 0]])
+        self._patch = np.full(len(triangles), -1, dtype=np.int64)
+        self._patch[upright] = patch.ravel()
+        self._scene = _scene(mesh.vertices, triangles)
+        self._floors = np.array([floor.z_floor for floor in truth.floors])
+
+    def hits(self, stop: Array, start: float, config: SightConfig) -> tuple[IntArray, Array]:
+        """What one turn of the sensor at a stop (2,) hits of patches: which (H,), and where (H, 3);
+        only at a slant at which the extraction still finds a run, and nothing from within
+        something. start: azimuth of the first ray [rad]."""
+        import open3d as o3d
+
+        origin = np.append(stop, self._floors[0] + config.height)
+        rays = _rays(start, config)
+        sixfold = np.column_stack([np.broadcast_to(origin, rays.shape), rays]).astype(np.float32)
+        cast = self._scene.cast_rays(o3d.core.Tensor(sixfold))
+        distance = cast["t_hit"].numpy().astype(np.float64)
+        triangle = cast["primitive_ids"].numpy().astype(np.int64)
+        near = distance < config.range
+        if distance.min() < config.radius:
+            near[:] = False
+        hit = np.flatnonzero(near)
+        hit = hit[self._patch[triangle[hit]] >= 0]
+        patch = self._patch[triangle[hit]]
+        slant = -np.einsum("hc,hc->h", rays[hit], self.normal[patch])
+        above = distance[hit] * rays[hit, 2] + config.height > config.skirting
+        good = above & (distance[hit] * (2.0 * np.pi / config.true_rays) < config.spacing * slant)
+        hit = hit[good]
+        return patch[good], origin + distance[hit, None] * rays[hit]
 
 
-def seen(truth: Truth, stops: Array, extra: Array, config: SightConfig) -> dict[int, Array]:
-    """Face -> (K, 2) stretches along its segment [m] that were seen from the stops.
-
-    extra: (B, 2, 2) segments that stand in the way and belong to no face.
-    """
-    scene = _scene(truth, extra)
-    hits = [_look(scene, stop, config) for stop in stops]
-    faces = np.concatenate([face for face, _ in hits])
-    along = np.concatenate([place for _, place in hits])
-    found = {}
-    for face in np.unique(faces).tolist():
-        stretches = _occupied(along[faces == face], config)
-        if len(stretches):
-            found[face] = stretches
-    return found
+def _normals(vertices: Array, triangles: np.ndarray) -> Array:
+    """(T, 3) unit, outward."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12))
 
 
-def _scene(truth: Truth, extra: Array) -> _Scene:
-    face = [f.id for f in truth.faces for _ in f.parts]
-    parts = np.concatenate([*(f.parts for f in truth.faces), extra])
-    segment = np.array([f.segment for f in truth.faces])
-    direction = segment[:, 1] - segment[:, 0]
-    return _Scene(
-        start=parts[:, 0],
-        run=parts[:, 1] - parts[:, 0],
-        face=np.append(np.array(face, dtype=np.int64), np.full(len(extra), -1)),
-        origin=segment[:, 0],
-        direction=direction / np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None],
-        normal=np.array([f.normal[:2] for f in truth.faces]),
+def _scene(vertices: Array, triangles: np.ndarray) -> Any:
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(
+        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles.astype(np.uint32))
     )
+    return scene
 
 
-def _look(scene: _Scene, stop: Array, config: SightConfig) -> tuple[IntArray, Array]:
-    """What one turn of the sensor hits: faces (H,), and places along them [m]."""
-    angle = np.arange(config.rays) * (2.0 * np.pi / config.rays)
-    x, y = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    start, run = scene.start - stop, scene.run
-    across = x * run[:, 1] - y * run[:, 0]  # (rays, S)
-    across[across == 0.0] = 1e-12
-    at = (y * start[:, 0] - x * start[:, 1]) / across
-    away = (start[:, 0] * run[:, 1] - start[:, 1] * run[:, 0]) / across
-    away[(at < 0.0) | (at > 1.0) | (away <= 0.0)] = np.inf
-    nearest = away.argmin(axis=1)
-    distance = away[np.arange(config.rays), nearest]
-    hit = np.flatnonzero((distance < config.range) & (scene.face[nearest] >= 0))
-    face = scene.face[nearest[hit]]
-    ray = np.column_stack([x[hit, 0], y[hit, 0]])
-    slant = -np.einsum("hc,hc->h", ray, scene.normal[face])
-    good = distance[hit] * config.step < config.spacing * slant
-    face, place = face[good], stop + (distance[hit, None] * ray)[good]
-    return face, np.einsum("hc,hc->h", place - scene.origin[face], scene.direction[face])
+def _rays(start: float, config: SightConfig) -> Array:
+    """(beams * rays, 3) unit."""
+    azimuth = start + np.arange(config.rays) * (2.0 * np.pi / config.rays)
+    up = np.linspace(-config.elevation, config.elevation, config.beams)[:, None]
+    x, y = np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth)
+    return np.column_stack([x.ravel(), y.ravel(), np.broadcast_to(np.sin(up), x.shape).ravel()])
 
 
-def _occupied(along: Array, config: SightConfig) -> Array:
-    """(K, 2) stretches where there are returns close to each other."""
-    along = np.sort(along)
-    breaks = np.flatnonzero(np.diff(along) > 3.0 * config.bin)
-    low = along[np.append(0, breaks + 1)]
-    high = along[np.append(breaks, len(along) - 1)]
-    stretches = np.column_stack([low, high])
-    return stretches[high - low > config.least]
+def seen(
+    surfaces: Surfaces, stops: Array, rng: np.random.Generator, config: SightConfig
+) -> tuple[IntArray, Array]:
+    """Returns on what was mapped from the stops (S, 2): patch (H,) and place (H, 3), world frame.
+
+    Mapped is, from one stop, a patch with as many returns, in runs as long, as the plane extraction
+    asks for.
+    """
+    looks = [surfaces.hits(stop, rng.uniform(0.0, 2.0 * np.pi), config) for stop in stops]
+    kept = [_of_planes(surfaces, patch, place, config) for patch, place in looks]
+    patch = np.concatenate([look[0][rows] for look, rows in zip(looks, kept, strict=True)])
+    place = np.concatenate([look[1][rows] for look, rows in zip(looks, kept, strict=True)])
+    return patch, place
+
+
+def _of_planes(surfaces: Surfaces, patch: IntArray, place: Array, config: SightConfig) -> IntArray:
+    """Which returns of one turn are on what was mapped."""
+    along = np.einsum("hc,hc->h", place[:, :2], surfaces.axis[patch])
+    order = np.lexsort((along, patch))
+    return order[_in_planes(patch[order], along[order], config)]
+
+
+def _in_planes(owner: IntArray, along: Array, config: SightConfig) -> NDArray[np.bool_]:
+    """(H,) which returns, sorted by owner and along it [m], are in runs that make planes."""
+    if len(owner) == 0:
+        return np.zeros(0, dtype=bool)
+    breaks = (np.diff(owner) > 0) | (np.diff(along) > config.gap)
+    first = np.append(0, np.flatnonzero(breaks) + 1)
+    last = np.append(first[1:], len(owner)) - 1
+    run = np.cumsum(np.append(False, breaks))
+    size = along[last] - along[first]
+    long = size > config.min_run
+    everyone, place = np.unique(owner[first], return_inverse=True)
+    length = np.bincount(place, weights=np.where(long, size, 0.0), minlength=len(everyone))
+    count = np.bincount(place, weights=np.where(long, last - first + 1, 0.0))
+    enough = count * (config.true_rays / config.rays) >= config.min_points
+    plane = (length > config.min_length) & enough
+    return np.asarray((long & plane[place])[run])

@@ -38,7 +38,7 @@ class TrainConfig:
     networks: tuple[tuple[str, tuple[str, ...]], ...] = (("gnn", RELATIONS),)
     features: str = "invariant"
     seed: int = 0
-    epochs: int = 20
+    epochs: int = 25
     rate: float = 3e-3
     batch: int = 8
     validation: float = 0.1

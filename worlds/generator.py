@@ -2,7 +2,8 @@
 
 A building is drawn axis-parallel as clear rectangles with gaps of wall thickness between them; some
 rectangles are then carved, joined or chamfered into rooms of other shapes. What the rooms leave of
-the outer rectangle is wall. Doors join neighbours; at last everything is turned to any heading.
+the outer rectangle is wall. Doors join neighbours; piers and pillars are put where they leave the
+way free; at last everything is turned to any heading.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from shapely import affinity
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.ops import unary_union
@@ -52,6 +54,16 @@ class GeneratorConfig:
     """Chance of a door between neighbours that are joined already."""
     shear: float = 0.0
     """Chance of a building whose walls do not meet at right angles (up to 25 degrees off)."""
+    taper: float = 0.0
+    """Chance of a building whose walls are off parallel,"""
+    tapered: float = 5.0
+    """by up to so much along each of its sides [degrees]; a few, as in much that is old."""
+    cross: float = 0.0
+    """Chance that a long corridor is two, with a cross wall and a door between them."""
+    piers: float = 0.0
+    """Chance that a room has piers on its walls, and chases in them."""
+    pillars: float = 0.0
+    """Chance that a room big enough has pillars in it."""
 
 
 def random_plan(rng: np.random.Generator, config: GeneratorConfig | None = None) -> Plan:
@@ -72,14 +84,33 @@ def _drawn(rng: np.random.Generator, config: GeneratorConfig) -> Plan:
     kind = str(rng.choice(config.kinds))
     thickness = float(rng.uniform(*config.thickness))
     rects, corridors = _KINDS[kind](rng, config, thickness)
+    if config.cross > 0.0:
+        rects, corridors = _crossed(rng, config, rects, corridors, thickness)
     outer = unary_union([box(*r) for r in rects]).envelope
-    polygons = [box(*r) for r in rects][: config.max_rooms]
-    kinds = ["corridor" if i in corridors else "room" for i in range(len(polygons))]
+    polygons, kinds = _outlines(rects[: config.max_rooms], corridors)
     polygons, kinds = _reshape(rng, config, thickness, polygons, kinds)
     doors = _doors(rng, config, polygons)
+    if config.piers > 0.0:
+        polygons = [_with_piers(rng, config, polygon, doors) for polygon in polygons]
     walls = outer.buffer(float(rng.uniform(*config.thickness)), join_style="mitre")
     walls = walls.difference(unary_union(polygons))
+    if config.pillars > 0.0:
+        walls = unary_union([walls, *_pillars(rng, config, polygons, doors)])
     return _placed(rng, config, kind, polygons, kinds, doors, walls)
+
+
+def _outlines(rects: list[Rect], corridors: set[int]) -> tuple[list[Polygon], list[str]]:
+    """Rooms and their kinds; a rectangle that touches the one before it is of the same room."""
+    polygons: list[Polygon] = []
+    kinds: list[str] = []
+    for i, rect in enumerate(rects):
+        shape = box(*rect)
+        if polygons and polygons[-1].distance(shape) == 0.0:
+            polygons[-1] = unary_union([polygons[-1], shape])
+        else:
+            polygons.append(shape)
+            kinds.append("corridor" if i in corridors else "room")
+    return polygons, kinds
 
 
 # --- rectangles ----------------------------------------------------------------------------------
@@ -188,7 +219,54 @@ def _hall(
     return rects, set()
 
 
+def _wings(
+    rng: np.random.Generator, config: GeneratorConfig, gap: float
+) -> tuple[list[Rect], set[int]]:
+    """A corridor round a corner, rooms along its outside, and a hall, rooms or nothing inside."""
+    a, b = (float(v) for v in rng.uniform(10.0, 28.0, 2))
+    width = float(rng.uniform(1.5, 4.0))
+    below, beside = (float(v) for v in rng.uniform(*config.room_depth, 2))
+    rects: list[Rect] = [(0.0, 0.0, a, width), (a - width, width, a, b)]
+    rects += _row(rng, config, (0.0, -gap - below, a, -gap), gap)
+    turned = _row(rng, config, (0.0, a + gap, b, a + gap + beside), gap)
+    rects += [(y0, x0, y1, x1) for x0, y0, x1, y1 in turned]
+    inner = (0.0, width + gap, a - width - gap, b)
+    inside = float(rng.random())
+    if inside < 0.4:
+        rects.append(inner)
+    elif inside < 0.7:
+        rects += _split(rng, config, inner, gap, float(rng.uniform(4.0, 9.0)))
+    return rects, {0, 1}
+
+
+def _crossed(
+    rng: np.random.Generator,
+    config: GeneratorConfig,
+    rects: list[Rect],
+    corridors: set[int],
+    gap: float,
+) -> tuple[list[Rect], set[int]]:
+    """Some long corridors divided by a cross wall."""
+    parts: list[Rect] = []
+    halls: set[int] = set()
+    for i, rect in enumerate(rects):
+        x0, y0, x1, y1 = rect
+        long = max(x1 - x0, y1 - y0)
+        if i in corridors and long > 8.0 and rng.random() < config.cross:
+            cut = float(rng.uniform(3.0, long - 3.0 - gap))
+            wide = x1 - x0 >= y1 - y0
+            first = (x0, y0, x0 + cut, y1) if wide else (x0, y0, x1, y0 + cut)
+            rest = (x0 + cut + gap, y0, x1, y1) if wide else (x0, y0 + cut + gap, x1, y1)
+            halls |= {len(parts), len(parts) + 1}
+            parts += [first, rest]
+        else:
+            halls |= {len(parts)} if i in corridors else set()
+            parts.append(rect)
+    return parts, halls
+
+
 _KINDS = {
+    "wings": _wings,
     "corridor": _corridor,
     "spine": _spine,
     "split": _floor,
@@ -270,6 +348,55 @@ def _chamfered(rng: np.random.Generator, polygon: Polygon, curve: float) -> Poly
         corner = affinity.scale(corner, -1, 1, origin=((x0 + x1) / 2, 0))
     room = polygon.difference(corner)
     return room if isinstance(room, Polygon) else polygon
+
+
+def _with_piers(
+    rng: np.random.Generator, config: GeneratorConfig, polygon: Polygon, doors: list[Polygon]
+) -> Polygon:
+    """A room with some short parts of its walls stepped into it or out of it."""
+    if rng.random() >= config.piers:
+        return polygon
+    for _ in range(int(rng.integers(1, 4))):
+        edges = [(p, q) for p, q in _edges(polygon) if np.linalg.norm(q - p) > 2.0]
+        if not edges:
+            break
+        p, q = edges[int(rng.integers(len(edges)))]
+        length = float(np.linalg.norm(q - p))
+        run = (q - p) / length
+        inward = np.array([-run[1], run[0]])
+        width, depth = float(rng.uniform(0.3, 1.2)), float(rng.uniform(0.12, 0.5))
+        start = p + run * float(rng.uniform(0.0, length - width))
+        corners = [start, start + width * run]
+        pier = Polygon([*corners, corners[1] + depth * inward, corners[0] + depth * inward])
+        # Nobody could pass by a pier that leaves less than a door's width.
+        free = pier.buffer(config.door_width[1], join_style="mitre").intersection(polygon)
+        whole = free.area > 2.2 * config.door_width[1] * (width + depth)
+        if whole and all(door.distance(pier) > 0.3 for door in doors):
+            stepped = polygon.difference(pier)
+            polygon = stepped if isinstance(stepped, Polygon) else polygon
+    return polygon
+
+
+def _pillars(
+    rng: np.random.Generator,
+    config: GeneratorConfig,
+    polygons: list[Polygon],
+    doors: list[Polygon],
+) -> list[Polygon]:
+    """Pillars that stand free in rooms."""
+    found: list[Polygon] = []
+    for polygon in polygons:
+        inner = polygon.buffer(-1.2)
+        if inner.is_empty or rng.random() >= config.pillars:
+            continue
+        side = float(rng.uniform(0.3, 0.8))
+        x0, y0, x1, y1 = inner.bounds
+        for _ in range(int(rng.integers(1, 5))):
+            x, y = rng.uniform([x0, y0], [x1, y1])
+            pillar = box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
+            if inner.covers(pillar) and all(pillar.distance(other) > 1.2 for other in found):
+                found.append(pillar)
+    return [pillar for pillar in found if all(pillar.distance(door) > 1.0 for door in doors)]
 
 
 # --- doors ---------------------------------------------------------------------------------------
@@ -358,9 +485,14 @@ def _placed(
     sheared = rng.random() < config.shear
     shear = float(rng.uniform(8.0, 25.0)) if sheared else 0.0
     heading = float(rng.uniform(0.0, 360.0))
+    tapered = config.taper > 0.0 and rng.random() < config.taper
+    extent = max(abs(v) for polygon in polygons for v in polygon.bounds)
+    taper = rng.uniform(-1.0, 1.0, 2) * np.radians(config.tapered) / extent if tapered else None
 
     def place(shape: Polygon) -> Polygon:
         skewed = affinity.skew(shape, xs=shear, origin=(0, 0)) if shear else shape
+        if taper is not None:  # what keeps straight lines straight, but not parallel
+            skewed = shapely.transform(skewed, lambda xy: xy / (1.0 + xy @ taper)[:, None])
         return affinity.rotate(skewed, heading, origin=(0, 0))
 
     parts = list(walls.geoms) if isinstance(walls, MultiPolygon) else [walls]

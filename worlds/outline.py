@@ -73,8 +73,13 @@ class Outline:
         """The solid around a shape: what it takes to cut or to fill it, in large buildings too."""
         low_x, low_y, high_x, high_y = shape.bounds
         window = (low_x - AROUND, low_y - AROUND, high_x + AROUND, high_y + AROUND)
-        clipped = shapely.clip_by_rect(self.solid, *window)
-        return clipped if clipped.is_valid else self.solid.intersection(shapely.box(*window))
+        try:
+            clipped = shapely.clip_by_rect(self.solid, *window)
+        except shapely.GEOSException:  # where a sliver is left it fails, now and then
+            clipped = None
+        if clipped is None or not clipped.is_valid:
+            return self.solid.intersection(shapely.box(*window))
+        return clipped
 
     @cached_property
     def _corners(self) -> KDTree:

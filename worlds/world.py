@@ -64,6 +64,18 @@ class World:
     people: tuple[Person, ...] = ()
 
 
+@dataclass(frozen=True)
+class _Content:
+    """What a building is made of, people apart. parts: the storeys that are built."""
+
+    truth: Truth
+    parts: tuple[BuiltStorey, ...]
+    solids: tuple[Solid, ...]
+    plates: tuple[Slab, ...]
+    fittings: tuple[Fitting, ...]
+    footprints: tuple[MultiPolygon, ...]
+
+
 def build_world(
     plan: Plan,
     seed: np.random.SeedSequence,
@@ -74,15 +86,45 @@ def build_world(
 
     The same seed builds the same world, and a storey does not depend on the others.
     """
-    storeys = [_built(plan, index, seed, conditions) for index in _wanted(plan, storey)]
     ramps = plan.ramps if storey is None else ()
-    truth, labels = survey(storeys)
+    content = _content(plan, seed, conditions, _wanted(plan, storey), ramps)
+    people: list[Person] = []
+    for part in content.parts:
+        people += gathered(
+            [room for room in content.truth.rooms if room.storey == part.index],
+            content.footprints[part.index],
+            (part.layout.storey.z_floor, part.layout.storey.z_ceiling),
+            conditions.people,
+            _rng(seed, part.index, _PEOPLE),
+        )
+    spec = building_spec(plan.name, content.solids, content.plates, content.fittings)
+    add_people(spec, people)
+    return World(
+        plan=plan,
+        truth=content.truth,
+        spec=spec,
+        mesh=_mesh_of(content),
+        footprints=content.footprints,
+        ramps=ramps,
+        fittings=content.fittings,
+        people=tuple(people),
+    )
+
+
+def _content(
+    plan: Plan,
+    seed: np.random.SeedSequence,
+    conditions: Conditions,
+    wanted: Sequence[int],
+    ramps: tuple[Ramp, ...],
+) -> _Content:
+    parts = [_built(plan, index, seed, conditions) for index in wanted]
+    truth, labels = survey(parts)
     solids: list[Solid] = []
     plates: list[Slab] = []
     fittings: list[Fitting] = []
-    people: list[Person] = []
     footprints = [MultiPolygon()] * len(plan.storeys)
-    for part, label in zip(storeys, labels, strict=True):
+    for part, label in zip(parts, labels, strict=True):
         prefix = f"s{part.index}_"
         drawn = part.layout.storey
         solids += wall_solids(part.layout, part.built, label, prefix)
@@ -98,32 +140,28 @@ def build_world(
         standing = furnished(part, truth, conditions, _rng(seed, part.index, _FITTINGS))
         footprints[part.index] = _footprint(part, standing)
         fittings += standing
-        people += gathered(
-            [room for room in truth.rooms if room.storey == part.index],
-            footprints[part.index],
-            (drawn.z_floor, drawn.z_ceiling),
-            conditions.people,
-            _rng(seed, part.index, _PEOPLE),
-        )
     solids += ramp_solids(plan, ramps)
-    spec = building_spec(plan.name, solids, plates, fittings)
-    add_people(spec, people)
-    boxes = [plate.solid() for plate in plates]
-    boxes += [solid for fitting in fittings for solid in fitting.solids()]
-    return World(
-        plan=plan,
-        truth=truth,
-        spec=spec,
-        mesh=_mesh([*solids, *boxes]),
-        footprints=tuple(footprints),
-        ramps=ramps,
-        fittings=tuple(fittings),
-        people=tuple(people),
+    return _Content(
+        truth, tuple(parts), tuple(solids), tuple(plates), tuple(fittings), tuple(footprints)
     )
 
 
+def _mesh_of(content: _Content) -> Mesh:
+    boxes = [plate.solid() for plate in content.plates]
+    boxes += [solid for fitting in content.fittings for solid in fitting.solids()]
+    return _mesh([*content.solids, *boxes])
+
+
+def true_mesh(
+    plan: Plan, seed: np.random.SeedSequence, conditions: Conditions
+) -> tuple[Truth, Mesh]:
+    """Truth and surfaces of ``build_world`` without the rest: what training sets are made from."""
+    content = _content(plan, seed, conditions, _wanted(plan, None), plan.ramps)
+    return content.truth, _mesh_of(content)
+
+
 def true_world(plan: Plan, seed: np.random.SeedSequence, conditions: Conditions) -> Truth:
-    """The truth of ``build_world`` without the world: what training sets are made from."""
+    """The truth of ``build_world`` without the world."""
     return survey([_built(plan, index, seed, conditions) for index in _wanted(plan, None)])[0]
 
 

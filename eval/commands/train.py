@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from eval.study import Row
+    from eval.study import Operating, Row
     from semantics.train import TrainConfig
 
 Option = typer.Option
@@ -116,7 +116,7 @@ def _study(
 
 def _judge(console: Console, folder: Path) -> None:
     from eval.confusion import confusion_png
-    from eval.study import Row, held_out
+    from eval.study import Row, held_out, sweep
     from eval.study import judge as judged
     from semantics.detector import CONSERVATIVE, PRESETS
 
@@ -130,9 +130,27 @@ def _judge(console: Console, folder: Path) -> None:
             ]
         )
     )
+    known = [sample for family, drawn in tests.items() if family != "fanned" for sample in drawn]
+    console.print(_thresholds(sweep(CONSERVATIVE, known)))
     for family, drawn in tests.items():
         path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
         console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+def _thresholds(rows: list[Operating]) -> object:
+    """Precision / recall of rooms and walls by the threshold of both."""
+    from rich.table import Table
+
+    table = Table(box=None)
+    for name in ("threshold", "rooms P / R", "walls P / R"):
+        table.add_column(name, justify="right")
+    for r in rows:
+        table.add_row(
+            f"{r.threshold:.2f}",
+            f"{r.room_precision:.3f} / {r.room_recall:.3f}",
+            f"{r.wall_precision:.3f} / {r.wall_recall:.3f}",
+        )
+    return table
 
 
 def _errors() -> Console:

@@ -65,6 +65,6 @@ def test_every_combination_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (
         len(rows)
         == len({(r.features, r.networks, r.training_set, r.clustering, r.family) for r in rows})
-        == 32
+        == 64
     )
     assert told == sorted(told)

@@ -33,7 +33,7 @@ def test_fours_come_before_twos_and_likelier_ones_first():
 
 
 def test_edges_below_the_threshold_do_not_count():
-    assert groups(2, [(0, 1)], [0.6]) == []
+    assert groups(2, [(0, 1)], [0.4]) == []
 
 
 def test_a_graph_where_everything_is_joined_takes_no_longer_than_its_size():

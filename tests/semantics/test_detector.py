@@ -64,6 +64,31 @@ def test_an_l_shaped_room_is_one_room():
     assert planes_of(GnnDetector().update(view(L_ROOM))) == {frozenset(range(6))}
 
 
+def cupboard(name, x, y, width, depth, height):
+    """The three sides of a cupboard with its back to a wall along x, as they are mapped."""
+    sides = [
+        ((x, y + depth), (x, y)),
+        ((x + width, y + depth), (x, y + depth)),
+        ((x + width, y), (x + width, y + depth)),
+    ]
+    turned = [(b, a) for a, b in sides]  # they are seen from without
+    return [plane(name + k, side, height) for k, side in enumerate(turned)]
+
+
+def test_furniture_belongs_to_no_room():
+    rooms = view(TWO_ROOMS_AND_A_CORRIDOR).planes
+    furniture = [
+        *cupboard(20, 0.8, 0.05, 1.2, 0.5, 1.3),
+        *cupboard(30, 2.6, 0.05, 0.9, 0.6, 0.9),
+        *cupboard(40, 5.5, 0.05, 1.4, 0.6, 1.6),
+        plane(50, ((7.0, 3.2), (8.4, 3.2)), 0.8),
+        plane(51, ((8.4, 2.4), (7.0, 2.4)), 0.8),
+    ]
+    found = GnnDetector().update(MapView(0.0, [*rooms, *furniture], []))
+    assert planes_of(found) == ROOMS
+    assert walls_of(found) == WALLS
+
+
 def test_ids_stay_from_one_update_to_the_next():
     detector = GnnDetector()
     first = detector.update(view(TWO_ROOMS_AND_A_CORRIDOR[:4]))

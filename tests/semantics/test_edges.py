@@ -92,7 +92,7 @@ def test_networks_that_do_not_go_together_are_refused(tmp_path):
         save(tmp_path / name, EdgeClassifier(config), Checkpoint(config))
         return tmp_path / name
 
-    room = network("room.npz", ("same_room",), "invariant", (1, 14))
+    room = network("room.npz", ("same_room",), "invariant", (2, 16))
     wall = network("wall.npz", ("same_wall",), "paper", (3, 3))
     with pytest.raises(InputError, match="same_wall"):
         EdgeModel([room])

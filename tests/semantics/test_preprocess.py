@@ -31,6 +31,50 @@ def test_a_wall_behind_does_not_cut():
     assert lengths([long, behind]) == [3.9, 10.0]
 
 
+def with_hole(name, side, low, high):
+    """A plane along x, without what is between two places."""
+    whole = plane(name, side, spacing=0.05)
+    points = whole.points[(whole.points[:, 0] < low) | (whole.points[:, 0] > high)]
+    return replace(whole, points=points, point_ids=np.arange(len(points)))
+
+
+def test_a_wall_too_short_to_be_mapped_is_known_by_the_holes_it_leaves_in_both_faces():
+    right, left = ((0, 0), (12, 0)), ((12, 1.5), (0, 1.5))
+    both = [with_hole(0, right, 5.0, 5.2), with_hole(1, left, 5.0, 5.2)]
+    assert lengths(both) == [5.1, 5.1, 6.9, 6.9]
+    (barrier,) = Preprocessor()(both).barrier
+    assert barrier == pytest.approx(np.array([[5.1, 0.0], [5.1, 1.5]]), abs=0.05)
+    apart = [with_hole(0, right, 5.0, 5.2), with_hole(1, left, 6.0, 6.2)]
+    doors = [with_hole(0, right, 5.0, 6.0), with_hole(1, left, 5.0, 6.0)]
+    back = [
+        with_hole(0, ((12, 0), (0, 0)), 5.0, 5.2),
+        with_hole(1, ((0, 1.5), (12, 1.5)), 5.0, 5.2),
+    ]
+    for planes in (both[:1], apart, doors, back):
+        assert set(lengths(planes)) == {12.0}
+
+
+def test_furniture_does_not_cut_the_wall_behind_it():
+    wall = plane(0, ((0, 0), (10, 0)))
+    cupboard = plane(1, ((5.0, 0.1), (5.0, 0.6)), height=1.2)
+    assert lengths([wall, cupboard]) == [0.5, 10.0]
+    stub = plane(1, ((5.0, 0.1), (5.0, 0.6)))  # as high as the wall
+    assert lengths([wall, stub]) == [0.5, 5.0, 5.0]
+    counter = plane(1, ((5.0, 0.1), (5.0, 2.1)), height=1.2)  # longer than any cupboard is deep
+    assert lengths([wall, counter]) == [2.0, 5.0, 5.0]
+
+
+def test_a_piece_is_as_high_as_its_own_stretch_of_the_plane_was_seen():
+    both = [plane(0, ((0, 0), (5, 0)), height=1.3), plane(0, ((5, 0), (10, 0)))]
+    points = np.vstack([part.points for part in both])
+    ids = np.arange(len(points))
+    long = MapPlane(0, both[0].normal, both[0].d, points, ids, np.zeros(1, dtype=np.int64))
+    pieces = Preprocessor()([long, plane(1, ((5.0, 0.1), (5.0, 4.0)))])
+    left, right = sorted(pieces.take(pieces.plane_id == 0).height.tolist(), key=lambda h: h[1])
+    assert left == pytest.approx([0.1, 1.1], abs=0.05)
+    assert right == pytest.approx([0.1, 2.3], abs=0.05)
+
+
 def test_a_door_does_not_split_and_a_wide_opening_does():
     door = [plane(0, ((0, 0), (3, 0))), plane(1, ((4, 0), (8, 0)))]
     both = MapPlane(

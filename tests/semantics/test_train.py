@@ -19,7 +19,7 @@ from slam.core import InputError
 def _tiny(folder: Path, config: TrainConfig = OURS) -> TrainConfig:
     return replace(
         config,
-        dataset=DatasetConfig(layouts=8, views=1),
+        dataset=DatasetConfig(layouts=8, views=1, conditions=(("as-built", 1.0),)),
         epochs=4,
         batch=2,
         processes=1,

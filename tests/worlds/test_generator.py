@@ -50,3 +50,32 @@ def test_every_kind_of_building_is_drawn_and_turned() -> None:
     assert {plan.name for plan in plans} == {f"random-{kind}" for kind in GeneratorConfig().kinds}
     corners = [len(r.outline.exterior.coords) for p in plans for r in p.storeys[0].rooms]
     assert max(corners) > 5  # rooms that are not rectangles
+
+
+HARD = GeneratorConfig(
+    kinds=("wings", "corridor", "spine"), join=0.4, taper=0.5, cross=1.0, piers=1.0, pillars=1.0
+)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_with_piers_and_pillars_rooms_and_walls_share_no_area_but_pillars(seed: int) -> None:
+    storey = _plan(seed, HARD).storeys[0]
+    rooms = [room.outline for room in storey.rooms]
+    assert all(room.is_valid and room.area > 0.5 for room in rooms)
+    pillars = unary_union(rooms).intersection(storey.walls).buffer(-1e-3)
+    for part in [] if pillars.is_empty else getattr(pillars, "geoms", [pillars]):
+        assert part.area < 1.0
+        assert all(part.distance(door.footprint) > 0.8 for door in storey.openings)
+    for door in storey.openings:
+        touched = [r for r in storey.rooms if r.outline.intersection(door.footprint).area > 1e-4]
+        assert len(touched) == 2
+
+
+def test_corridors_go_round_corners_and_one_stands_behind_the_other() -> None:
+    plans = [_plan(seed, HARD) for seed in range(20)]
+    wings = [plan for plan in plans if plan.name == "random-wings"]
+    outlines = [room.outline for plan in wings for room in plan.storeys[0].rooms]
+    assert any(outline.area < 0.8 * outline.convex_hull.area for outline in outlines)
+    halls = [sum(room.kind == "corridor" for room in plan.storeys[0].rooms) for plan in plans]
+    assert max(halls) >= 2

@@ -8,11 +8,11 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
 from worlds.catalogue import load_scene
-from worlds.conditions import AS_BUILT, IDEAL
+from worlds.conditions import AS_BUILT, IDEAL, conditions_named
 from worlds.generator import random_plan
 from worlds.planfile import read_plan
 from worlds.truth import CEILING, FLOOR, NO_FACE
-from worlds.world import build_world, true_world
+from worlds.world import build_world, true_mesh, true_world
 
 SEED = np.random.SeedSequence(11)
 
@@ -245,3 +245,13 @@ def test_the_generator_draws_valid_buildings():
         assert sum(o.area for o in outlines) == pytest.approx(unary_union(outlines).area, rel=1e-6)
         for opening in storey.openings:
             assert opening.footprint.intersection(storey.walls).area > 0.5 * opening.footprint.area
+
+
+@pytest.mark.parametrize("name", ["as-built", "office"])
+def test_the_surfaces_alone_are_those_of_the_world(name):
+    plan, conditions = random_plan(np.random.default_rng(3)), conditions_named(name)
+    world = build_world(plan, SEED, conditions)
+    truth, mesh = true_mesh(plan, SEED, conditions)
+    assert np.array_equal(mesh.vertices, world.mesh.vertices)
+    assert np.array_equal(mesh.face, world.mesh.face)
+    assert len(truth.faces) == len(world.truth.faces)
