@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from eval.names import refuse
@@ -48,9 +49,9 @@ class DaskWorkers:
 
     def wait(self) -> Sequence[Done]:
         """Answers, as soon as there are some. Raises RunError if the cluster is gone."""
-        from distributed import wait
+        from distributed import CancelledError, wait
 
-        with self._client.as_current():
+        with self._client.as_current(), suppress(CancelledError):
             wait(list(self._jobs), return_when="FIRST_COMPLETED")
         ended = [future for future in self._jobs if future.status != "pending"]
         return [self._answer(future) for future in ended]
@@ -64,6 +65,8 @@ class DaskWorkers:
         if future.status == "error":
             error = " ".join(str(future.exception()).split())
             return Done(job, Row(job.config, "failed", f"its worker died: {error}", 0.0, None))
+        if self._client.status == "running":  # the scheduler lost it with the worker that held it
+            return Done(job, None)
         raise RunError("cluster: the connection to the scheduler is lost; what was done is kept")
 
     def close(self) -> None:

@@ -10,8 +10,9 @@ import pytest
 from fakes import run_stub
 
 from eval.config import RunConfig
-from eval.sweep.cluster import _check_workers
+from eval.sweep.cluster import DaskWorkers, _check_workers
 from eval.sweep.engine import SweepConfig, sweep
+from eval.sweep.job import Job
 from slam.core import InputError
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
@@ -49,6 +50,16 @@ def test_a_worker_that_dies_loses_only_its_run(address: str, tmp_path: Path) -> 
     rows = sweep(asked, on(address, tmp_path / "out"))
     assert [row.status for row in rows] == ["complete"] * 4
     assert len(list((tmp_path / "memory").glob("crashed-*"))) == 2
+
+
+def test_a_run_that_the_scheduler_gives_up_is_tried_again(address: str) -> None:
+    workers = DaskWorkers(address, "fakes:run_stub")
+    job = Job(RunConfig("SE1"))
+    workers.give(job)
+    for future in workers._jobs:
+        future.cancel()
+    assert [(done.job, done.row) for done in workers.wait()] == [(job, None)]
+    workers.close()
 
 
 @pytest.mark.parametrize("wrong", ["tcp://127.0.0.1:9", "nowhere"])
