@@ -123,7 +123,7 @@ class Surfaces:
         origin = np.append(stop, self._floors[0] + config.height)
         rays = _rays(start, config)
         sixfold = np.column_stack([np.broadcast_to(origin, rays.shape), rays]).astype(np.float32)
-        cast = self._scene.cast_rays(o3d.core.Tensor(sixfold))
+        cast = self._scene.cast_rays(o3d.core.Tensor.from_numpy(sixfold))
         distance = cast["t_hit"].numpy().astype(np.float64)
         triangle = cast["primitive_ids"].numpy().astype(np.int64)
         near = distance < config.range
@@ -150,9 +150,8 @@ def _scene(vertices: Array, triangles: np.ndarray) -> Any:
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles.astype(np.uint32))
-    )
+    tensor = o3d.core.Tensor.from_numpy
+    scene.add_triangles(tensor(vertices.astype(np.float32)), tensor(triangles.astype(np.uint32)))
     return scene
 
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from houses import TWO_ROOMS_AND_A_CORRIDOR, around, moved, plane, view
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString
 
@@ -37,6 +37,7 @@ def random_pieces(count, seed=0):
     return Pieces(np.arange(count), np.stack([start, end], axis=1), normal, height)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-5, 5).map(lambda x: round(x, 3)), min_size=8, max_size=8))
 def test_gaps_are_shapelys(numbers):
     a, b = np.array(numbers).reshape(2, 1, 2, 2)
@@ -76,6 +77,7 @@ def test_a_large_map_gives_nearly_the_same_pairs_as_looking_at_all():
     assert np.mean(found) > 0.99
 
 
+@settings(deadline=None)
 @given(st.floats(-3.0, 3.0), st.floats(-50, 50), st.floats(-50, 50))
 def test_no_motion_of_the_map_changes_our_features(angle, x, y):
     still = proximity_graph(random_pieces(12), InvariantFeatures())
