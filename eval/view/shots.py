@@ -10,7 +10,7 @@ from typing import Any
 
 from eval.view.viewers import ViewerError, open_unseen
 
-LOAD_S = 30.0
+LOAD_S = 120.0
 PATIENCE = 4
 """Times that the viewer, which gives up after 15 s, is asked for one picture."""
 
