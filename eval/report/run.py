@@ -244,8 +244,8 @@ def _time(metrics: Mapping[str, object]) -> Iterator[str]:
     median, p95 = np.array(list(known.values()), dtype=np.float64).reshape(-1, 2).T
     picture = svg.bars(list(known), median, p95, "ms")
     if picture:
-        times = number(get(metrics, "real_time_factor"), 1.0, 1)
-        yield html.paragraph(f"{times} times real time, on the machine that it ran on")
+        pace = number(get(metrics, "real_time_factor"), 1.0, 1)
+        yield html.paragraph(f"{pace} times real time, on the machine that it ran on")
         yield html.figure(picture, "Each stage's time a call: median (bar) and 95th percentile")
 
 
