@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -48,6 +49,8 @@ app.add_typer(bench, name="bench")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; the exit status (see README, "Exit status")."""
+    # numpy's matrices are small here: its threads only take the simulator's core from it.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         status = app(args=arguments, prog_name="roomloop", standalone_mode=False)
     except typer.TyperException as error:
