@@ -148,17 +148,27 @@ def _beside(
     reach = np.einsum("pkj,pj->pk", parts[j] - start[:, None], along)
     own = np.linalg.norm(parts[i, 1] - start, axis=1)
     low, high = np.maximum(reach.min(axis=1), 0.0), np.minimum(reach.max(axis=1), own)
-    middle = start + ((low + high) / 2.0)[:, None] * along
-    # From the middle of the common stretch along -level[i] until it meets the plane of part j.
-    depth = np.einsum("ij,ij->i", parts[j, 0] - middle, level[j])
-    depth = depth / -np.einsum("ij,ij->i", level[i], level[j])
-    fits = (depth > THINNEST) & (depth <= THICKEST) & (high > low)
+    thickness = _depth(start, along, (low + high) / 2.0, parts[j, 0], level[i], level[j])
+    fits = (thickness > THINNEST) & (thickness <= THICKEST) & (high > low)
     shapely.prepare(solid)
     for share in (0.1, 0.5, 0.9):
-        foot = start + (low + share * (high - low))[:, None] * along
+        place = low + share * (high - low)
+        depth = _depth(start, along, place, parts[j, 0], level[i], level[j])
+        foot = start + place[:, None] * along
         probe = [foot - (k * depth)[:, None] * level[i] for k in (0.05, 0.95)]
         fits &= shapely.covers(solid, shapely.linestrings(np.stack(probe, axis=1)))
-    return np.where(fits, high - low, 0.0), depth
+    return np.where(fits, high - low, 0.0), thickness
+
+
+def _depth(
+    start: Array, along: Array, place: Array, other: Array, normal: Array, opposite: Array
+) -> Array:
+    """(P,) from some place along each face straight in, to the plane of the other face [m].
+
+    Walls taper: what is measured in their middle holds there alone.
+    """
+    foot = start + place[:, None] * along
+    return np.einsum("pj,pj->p", other - foot, opposite) / -np.einsum("pj,pj->p", normal, opposite)
 
 
 def _summed(

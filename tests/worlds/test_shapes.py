@@ -170,6 +170,15 @@ def test_pillars_are_clutter_and_partitions_are_walls():
     assert len(partition.truth.faces) == 6
 
 
+def test_a_wall_may_taper():
+    rooms = [box(0, 0, 4, 4), Polygon([(4.12, 0), (8, 0), (8, 4), (4.2, 4)])]
+    whole = box(-0.2, -0.2, 8.2, 4.2).difference(unary_union(rooms))
+    (wall,) = build_world(plan(rooms, [whole]), SEED, IDEAL).truth.walls
+    assert wall.thickness == pytest.approx(0.16, abs=1e-3)
+    hollow = whole.difference(box(4.05, 3.4, 4.1, 3.9))
+    assert build_world(plan(rooms, [hollow]), SEED, IDEAL).truth.walls == ()
+
+
 def test_facets_of_a_round_room_are_faces_each():
     truth = build_world(HARD["facets"], SEED, IDEAL).truth
     assert len(truth.faces) == 24
