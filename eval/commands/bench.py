@@ -9,6 +9,7 @@ from eval.commands.odometry import odometry
 from eval.commands.pace import pace
 from eval.commands.planes import planes
 from eval.commands.sensor import sensor
+from eval.commands.watching import watching
 
 app = typer.Typer(
     help="Measures single parts, so that anybody can repeat it.", no_args_is_help=True
@@ -19,3 +20,4 @@ app.command("planes")(planes)
 app.command("sensor")(sensor)
 app.command("semantics")(semantics)
 app.command("growth")(growth)
+app.command("watching")(watching)
