@@ -49,9 +49,14 @@ class Field:
         for key in required:
             if key not in self.value:
                 self.fail(f'the field "{key}" is missing')
-        return {key: self._member(key) for key in self.value}
+        return {key: self.member(key) for key in self.value}
 
-    def _member(self, key: str) -> Field:
+    def has(self, key: str) -> bool:
+        """Whether it is an object that has this field."""
+        return isinstance(self.value, dict) and key in self.value
+
+    def member(self, key: str) -> Field:
+        """A field that the object has."""
         assert isinstance(self.value, dict)
         return Field(self.file, f"{self.path}.{key}" if self.path else key, self.value[key])
 
