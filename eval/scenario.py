@@ -123,7 +123,8 @@ def _seeds(path: Path, values: dict[str, object]) -> tuple[int, ...]:
 
 
 def _refuse_seeds(path: Path, seeds: object) -> NoReturn:
-    refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {seeds!r}")
+    found = shown(seeds)
+    refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {found}")
 
 
 def _bounds(path: Path, table: object) -> tuple[Bound, ...]:

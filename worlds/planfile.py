@@ -23,13 +23,15 @@ from pathlib import Path
 
 from slam.core import InputError
 from worlds.fields import Field, read_json
-from worlds.plan import NamedRoute, Plan, Ramp, Storey
+from worlds.plan import MAX_STOREYS, NamedRoute, Plan, Ramp, Storey
 from worlds.planlinks import links_text, read_ramps, read_routes
 from worlds.planstorey import quoted, read_storey, storey_text
 
 FORMAT = "roomloop-plan-1"
 MAX_VERTICES = 200_000
 """Most corners that a plan can have: a building of 1,000 rooms has about 20,000."""
+LONGEST_NAME = 200
+"""Letters of the name of a plan's file."""
 
 
 def read_plan(path: Path) -> Plan:
@@ -74,7 +76,7 @@ _Building = tuple[tuple[Storey, ...], tuple[Ramp, ...], tuple[NamedRoute, ...]]
 
 
 def _own(top: dict[str, Field]) -> _Building:
-    items = top["storeys"].items()
+    items = top["storeys"].items(MAX_STOREYS)
     if not items:
         top["storeys"].wrong("at least one storey")
     storeys = tuple(read_storey(field, i) for i, field in enumerate(items))
@@ -97,7 +99,7 @@ def _shared(top: dict[str, Field], path: Path) -> _Building:
 def _building_path(field: Field, path: Path) -> Path:
     name = field.text()
     other = path.parent / f"{name}.json"
-    if Path(name).name != name or not other.is_file():
+    if Path(name).name != name or len(name) > LONGEST_NAME or not other.is_file():
         field.wrong("the name of a plan file in the same folder, without .json")
     return other
 

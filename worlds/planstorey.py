@@ -13,7 +13,15 @@ from shapely.geometry.polygon import orient
 
 from worlds.drafting import CentreLine, as_multipolygon, door_footprint, draw_bodies
 from worlds.fields import Field
-from worlds.plan import CEILING_WHERE_UNKNOWN, Opening, RoomOutline, Storey
+from worlds.plan import (
+    CEILING_WHERE_UNKNOWN,
+    MAX_DOORS,
+    MAX_NEIGHBOURS,
+    MAX_ROOMS,
+    Opening,
+    RoomOutline,
+    Storey,
+)
 from worlds.tangle import tangled
 
 OPENING_KINDS = ("door", "window", "opening")
@@ -38,9 +46,9 @@ def read_storey(field: Field, index: int) -> Storey:
     if tangled(np.array(bodies)):
         parts["walls"].fail("expected walls, found ones that cross without end")
     walls = as_multipolygon(shapely.union_all(bodies))
-    rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items())]
+    rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items(MAX_ROOMS))]
     _check_rooms(parts["rooms"], rooms, walls)
-    doors = parts["doors"].items() if "doors" in parts else []
+    doors = parts["doors"].items(MAX_DOORS) if "doors" in parts else []
     tree = STRtree(bodies)
     return Storey(
         name=parts["name"].text() if "name" in parts else str(index),
@@ -76,14 +84,16 @@ def _check_rooms(field: Field, rooms: Sequence[RoomOutline], walls: MultiPolygon
     free = shapely.difference([room.outline for room in rooms], walls)
     for i in np.flatnonzero(shapely.area(free) < MAX_OVERLAP).tolist():
         field.items()[i].fail(f'room "{rooms[i].name}" has no free space outside the walls')
-    first, second = STRtree(free).query(free, predicate="intersects")
-    pairs = np.flatnonzero(first < second)
-    shared = shapely.area(shapely.intersection(free[first[pairs]], free[second[pairs]]))
-    for i, j in zip(
-        first[pairs[shared > MAX_OVERLAP]], second[pairs[shared > MAX_OVERLAP]], strict=False
-    ):
-        names = f'"{rooms[i].name}" (rooms[{i}]) and "{rooms[j].name}"'
-        field.items()[j].fail(f"rooms {names} overlap, expected rooms side by side")
+    tree, touching = STRtree(free), 0
+    for i, room in enumerate(free):
+        near = tree.query(room, predicate="intersects")
+        near = near[near > i]
+        touching += len(near)
+        if touching > MAX_NEIGHBOURS:
+            field.fail("expected rooms side by side, found ones that touch without end")
+        for j in near[shapely.area(shapely.intersection(free[near], room)) > MAX_OVERLAP]:
+            names = f'"{rooms[i].name}" (rooms[{i}]) and "{rooms[j].name}"'
+            field.items()[j].fail(f"rooms {names} overlap, expected rooms side by side")
 
 
 # --- walls and doors -----------------------------------------------------------------------------
