@@ -10,10 +10,11 @@ from typing import NoReturn
 
 from eval.bounds import Bound, parse_bound
 from eval.config import LONGEST, RunConfig, slug
-from eval.names import refuse, unknown
+from eval.names import refuse
 from slam.core import InputError
 from worlds.catalogue import scene_names
 from worlds.fields import read_toml, shown
+from worlds.names import unknown
 
 SHIPPED = Path(__file__).parent / "scenarios"
 """The sets that come with roomloop: ``smoke`` and ``full``."""
