@@ -65,8 +65,8 @@ def summary_table(metrics: Metrics) -> Table:
         ("planes", f"RMSE {_cm(m.plane_rmse_m)}"),
         (
             "covariances",
-            f"NEES of keyframes {number(m.consistency.keyframes.mean, '{:.2f}')}, "
-            f"of planes {number(m.consistency.planes.mean, '{:.2f}')} (1: honest)",
+            f"NEES: keyframes {number(m.consistency.keyframes.mean, '{:.2f}')}, "
+            f"planes {number(m.consistency.planes.mean, '{:.2f}')} (1: honest)",
         ),
         (
             "first room",
