@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -77,6 +78,14 @@ def read_json(path: Path) -> Mapping[str, object]:
     if not isinstance(tree, dict):
         raise InputError(f"{path}: a JSON object was expected")
     return tree
+
+
+def read_csv(path: Path) -> list[list[str]]:
+    """The rows of a table. Raises InputError."""
+    try:
+        return list(csv.reader(read_text(path).splitlines(), strict=True))
+    except csv.Error as error:
+        raise InputError(f"{path}: a table (CSV) was expected: {error}") from error
 
 
 def check(good: bool, path: Path, at: str, expected: str) -> None:

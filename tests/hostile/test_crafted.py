@@ -118,6 +118,7 @@ CRAFTED: list[tuple[str, bytes | Callable[[Path], bytes], str]] = [
     ("scenario", b'scene = "SE1"\nduration = 0x' + b"f" * 9000, "whole numbers of 64 bits"),
     ("scenario", b"a." * 2000 + b"a = 1", "more than 500 dots"),
     ("scenario", b'scene = "SE1"\nseeds = [%s]' % (b"1," * 9000), r"got \[1, 1, .{,40}\.\.\.$"),
+    ("ablation table", b"x" * 200_000, "a table .CSV. was expected"),
     ("db3", damaged_transforms, "/tf_static: cannot be taken apart"),
     ("trajectory", b"1_0 0 0 0 0 0 0 1\n", "8 numbers"),
     ("trajectory", b"1 " * 100_000, "line 1: 8"),

@@ -24,8 +24,8 @@ PATIENCE_PER_MB = 5.0
 LONGEST = 600.0
 """Time that no file gets more of [s]."""
 MEMORY, MEMORY_PER_BYTE = 4_000_000_000, 30
-"""Address space that any file gets [bytes], and each byte of it beyond that; the parser's own takes
-one gigabyte, a file's entities some ten times its size."""
+"""Address space that any file gets [bytes], and each byte of it beyond that; the parser alone takes
+0.3 GB, a file's entities some ten times its size."""
 
 
 def read_apart(path: Path, unit: str | None) -> Building:
