@@ -96,8 +96,8 @@ def _report(error: Exception) -> int:
 
 
 def _say(text: str) -> None:
-    """One line, no longer than people read, its end kept."""
-    line = " ".join(text.split())
+    """One line, no longer than people read, its end kept; what a file holds moves no cursor."""
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - 100]} ... {line[-95:]}"
     print(f"roomloop: {line}", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,10 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from slam.core import Array, InputError
+from slam.plainfile import size_of
 from worlds.fields import parsed_json, read_utf8
 
 MOST_TEXT = 300_000_000
 """Largest text file that is read [bytes]: the graph of 1,000 rooms has about 30 MB."""
+MOST_NUMBER = 1e20
+"""Largest number in an array that is read: geometry multiplies several; nanoseconds have 1e18."""
+MOST_VALUES = 10_000_000
+"""Most values in a JSON file: such a graph has three million."""
 
 
 @contextmanager
@@ -52,10 +58,10 @@ def write_text(path: Path, text: str) -> None:
 
 def read_bytes(path: Path, most: int | None = None) -> bytes:
     """A file's content. Raises InputError where it cannot be read, or is larger than ``most``."""
+    size = size_of(path)
+    if most is not None and size > most:
+        raise InputError(f"{path}: {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB")
     try:
-        size = path.stat().st_size
-        if most is not None and size > most:
-            raise InputError(f"{path}: {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB")
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -68,10 +74,18 @@ def read_text(path: Path) -> str:
 
 def read_json(path: Path) -> Mapping[str, object]:
     """A JSON file that holds an object. Raises InputError."""
-    tree = parsed_json(path, read_text(path))
+    tree = parsed_json(path, read_text(path), MOST_VALUES)
     if not isinstance(tree, dict):
         raise InputError(f"{path}: a JSON object was expected")
     return tree
+
+
+def read_csv(path: Path) -> list[list[str]]:
+    """The rows of a table. Raises InputError."""
+    try:
+        return list(csv.reader(read_text(path).splitlines(), strict=True))
+    except csv.Error as error:
+        raise InputError(f"{path}: a table (CSV) was expected: {error}") from error
 
 
 def check(good: bool, path: Path, at: str, expected: str) -> None:
@@ -81,7 +95,8 @@ def check(good: bool, path: Path, at: str, expected: str) -> None:
 
 
 def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
-    """Numbers as a float64 array of ``shape`` (-1: any length), all finite. Raises InputError."""
+    """Numbers as a float64 array of ``shape`` (-1: any length), within +-``MOST_NUMBER``. Raises
+    InputError."""
     wanted = " x ".join("n" if size < 0 else str(size) for size in shape)
     expected = f"{wanted} finite numbers" if shape else "a finite number"
     try:
@@ -91,7 +106,7 @@ def finite(value: object, shape: tuple[int, ...], path: Path, at: str) -> Array:
         raise InputError(f"{path}: {at}: {expected} expected") from error
     good = raw.dtype.kind in "if" and raw.ndim == len(shape)
     good = good and all(w in (-1, n) for w, n in zip(shape, raw.shape, strict=True))
-    if not good or not np.isfinite(array).all():
+    if not good or not (np.abs(array) < MOST_NUMBER).all():
         raise InputError(f"{path}: {at}: {expected} expected")
     return array
 

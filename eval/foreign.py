@@ -20,6 +20,9 @@ from slam.core import Array, pose, rotation_from_quaternion_xyzw
 ROOMS_LAYER = 4
 """Of a Spark-DSG file that does not name its layers."""
 
+MOST_ROOMS = 20_000
+"""Most rooms that are scored."""
+
 Json = Mapping[str, object]
 
 
@@ -47,6 +50,7 @@ def read_rooms(path: Path) -> tuple[ForeignRoom, ...]:
     entries = read_json(path).get("rooms")
     check(isinstance(entries, list), path, "rooms", "a list")
     assert isinstance(entries, list)
+    check(len(entries) <= MOST_ROOMS, path, "rooms", f"at most {MOST_ROOMS}")
     return tuple(_room(entry, path, f"rooms[{place}]") for place, entry in enumerate(entries))
 
 
@@ -120,7 +124,8 @@ def _children(tree: Json, nodes: Mapping[int, Json], path: Path) -> dict[int, li
     children: dict[int, list[int]] = {}
     for place, edge in enumerate(_objects(tree["edges"])):
         ends = (edge.get("source"), edge.get("target"))
-        check(all(end in nodes for end in ends), path, f"edges[{place}]", "ids of two nodes")
+        good = all(type(end) is int and end in nodes for end in ends)
+        check(good, path, f"edges[{place}]", "ids of two nodes")
         for parent, child in (ends, ends[::-1]):
             if _kind(nodes[child]) == "PlaceNodeAttributes":  # type: ignore[index]
                 children.setdefault(parent, []).append(child)  # type: ignore[arg-type]

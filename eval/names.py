@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import NoReturn
 
-FEW = 16
-"""More names than these are not listed in one line."""
+from worlds.names import unknown
 
 
 def refuse(message: str) -> NoReturn:
@@ -23,12 +21,3 @@ def known(what: str, name: str, names: Iterable[str]) -> str:
     if name not in names:
         refuse(f"{what}: {unknown('name', name, names)}")
     return name
-
-
-def unknown(kind: str, name: str, names: Iterable[str]) -> str:
-    """What to say of a name that is none of ``names``: the nearest one, and all if they are few."""
-    names = list(names)
-    near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
-    listed = f", expected one of: {', '.join(names)}" if len(names) <= FEW else ""
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"unknown {kind} {name!r}{listed}{hint}"

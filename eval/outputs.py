@@ -32,6 +32,8 @@ from worlds.fields import shown
 # --- trajectories: "stamp x y z qx qy qz qw", one line per pose -----------------------------------
 
 
+LARGEST = 1e100
+"""Number of metrics.json: means and squares of several are numbers still."""
 MOST = 1e12
 """Largest stamp or coordinate: squares of it can still be added."""
 
@@ -62,7 +64,7 @@ def read_tum(path: Path) -> Trajectory:
 
 def _tum_row(text: str, path: Path, number: int) -> Array:
     try:
-        row = np.array([float(word) for word in text.split()])
+        row = np.array([float(word) for word in text.replace("_", "?").split(maxsplit=8)])
     except ValueError as error:
         raise InputError(f"{path}: line {number}: 8 numbers were expected") from error
     row = finite(row, (8,), path, f"line {number}")
@@ -164,9 +166,9 @@ def _value(hint: object, value: object, path: Path, at: str) -> object:
         return None
     if isinstance(value, bool):
         raise InputError(f"{path}: {at}: true or false makes no sense here")
-    if float in options and isinstance(value, int | float) and abs(value) < math.inf:
+    if float in options and isinstance(value, int | float) and abs(value) < LARGEST:
         return value
-    if int in options and isinstance(value, int):
+    if int in options and isinstance(value, int) and abs(value) < LARGEST:
         return value
     if str in options and isinstance(value, str):
         return value

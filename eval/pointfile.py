@@ -15,6 +15,8 @@ from slam.core import Array, InputError
 
 MOST_BYTES, MOST_HEAD = 4_000_000_000, 100_000
 """Of a file, and of its head."""
+MOST_PACKED = 100
+"""Bytes that one byte of a packed PCD can stand for (264 bytes take three)."""
 WIDEST = 20_000.0
 """From one end of a cloud to the other [m]; what is larger has another unit, or is damaged."""
 
@@ -133,7 +135,7 @@ def _pcd_record(words: Mapping[str, list[str]], path: Path) -> tuple[int, np.dty
 def _pcd_unpacked(path: Path, body: bytes, size: int) -> Array:
     """By Open3D, once the file holds as much as it says."""
     packed, unpacked = np.frombuffer(body[:8], "<u4") if len(body) >= 8 else (0, 0)
-    good = unpacked == size and 0 < packed <= len(body) - 8
+    good = unpacked == size and 0 < packed <= len(body) - 8 and size <= MOST_PACKED * int(packed)
     check(bool(good), path, "body", f"{size} bytes, packed")
     import open3d as o3d
 

@@ -8,10 +8,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
-from eval.files import check, read_text, write_text
+from eval.files import check, read_csv, write_text
 from eval.scenegraph import node_id
 from eval.score_failures import Fates
-from slam.core import InputError
 from worlds.truth import Truth
 
 ROOMS_FILE = "rooms.csv"
@@ -66,10 +65,7 @@ def write_rooms(rows: Sequence[RoomRow], path: Path) -> None:
 
 def read_rooms(path: Path) -> list[RoomRow]:
     """Read the table. Raises InputError."""
-    try:
-        lines = list(csv.reader(read_text(path).splitlines(), strict=True))
-    except csv.Error as error:
-        raise InputError(f"{path}: a table (CSV) was expected: {error}") from error
+    lines = read_csv(path)
     check(lines[:1] == [list(COLUMNS)], path, "line 1", ",".join(COLUMNS))
     for number, line in enumerate(lines[1:], start=2):
         good = len(line) == len(COLUMNS) and line[1] in STATES

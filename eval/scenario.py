@@ -10,10 +10,11 @@ from typing import NoReturn
 
 from eval.bounds import Bound, parse_bound
 from eval.config import LONGEST, RunConfig, slug
-from eval.names import refuse, unknown
+from eval.names import refuse
 from slam.core import InputError
 from worlds.catalogue import scene_names
 from worlds.fields import read_toml, shown
+from worlds.names import unknown
 
 SHIPPED = Path(__file__).parent / "scenarios"
 """The sets that come with roomloop: ``smoke`` and ``full``."""
@@ -123,7 +124,8 @@ def _seeds(path: Path, values: dict[str, object]) -> tuple[int, ...]:
 
 
 def _refuse_seeds(path: Path, seeds: object) -> NoReturn:
-    refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {seeds!r}")
+    found = shown(seeds)
+    refuse(f"{path}: seeds: expected different whole numbers from 0, as [0, 1, 2], got {found}")
 
 
 def _bounds(path: Path, table: object) -> tuple[Bound, ...]:

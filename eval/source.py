@@ -163,7 +163,8 @@ def _recorded_place(config: RunConfig) -> Place:
 def _sha256(path: Path) -> str:
     """Of a file, or of all files of a folder by name."""
     digest = hashlib.sha256()
-    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+    files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
+    for file in files:
         with file.open("rb") as opened:
             while block := opened.read(1 << 20):
                 digest.update(block)

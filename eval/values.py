@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from functools import cache
 
 from eval.metrics import Metrics
-from eval.names import refuse, unknown
+from eval.names import refuse
+from worlds.names import unknown
 
 HIGHER_IS_BETTER = frozenset(
     {

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.names import unknown_name
 from slam.core import InputError, IntArray
+from worlds.names import unknown
 
 if TYPE_CHECKING:
     from worlds.plan import NamedRoute
@@ -54,7 +54,7 @@ def room_named(rooms: list[Room], name: str | None) -> int | None:
     names = [room.name for room in rooms]
     folded = [n.lower() for n in names]
     if name.lower() not in folded:
-        raise unknown_name("start room", name, names)
+        raise InputError(unknown("start room", name, names))
     return names.index(name) if name in names else folded.index(name.lower())
 
 

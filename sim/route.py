@@ -12,13 +12,13 @@ from scipy.sparse.csgraph import connected_components
 
 from sim.levels import Levels, driving_levels
 from sim.loops import Passage, with_loops
-from sim.names import unknown_name
 from sim.roadmap import Roadmap, build_roadmap
 from sim.roomchoice import choose_part, first_room, room_named, rooms_of, storeys_of
 from sim.smooth import smooth
 from sim.targets import targets_in
 from sim.tour import plan_tour
 from slam.core import Array, InputError, IntArray
+from worlds.names import unknown
 
 if TYPE_CHECKING:
     from worlds.plan import NamedRoute, Plan
@@ -108,7 +108,7 @@ def named_route(plan: Plan, name: str) -> NamedRoute:
             return route
     if not plan.routes:
         raise InputError(f"unknown route '{name}': scene '{plan.name}' names none")
-    raise unknown_name("route", name, [route.name for route in plan.routes])
+    raise InputError(unknown("route", name, [route.name for route in plan.routes]))
 
 
 # --- the world as cells --------------------------------------------------------------------------

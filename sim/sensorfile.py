@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.names import unknown_name
 from sim.sensor import Sensor
 from slam.core import InputError
 from worlds.fields import read_toml
+from worlds.names import unknown
 
 PRESETS = Path(__file__).parent / "sensors"
 
@@ -59,7 +59,7 @@ def sensor_named(name: str) -> Sensor:
     if name.endswith(".toml"):
         return read_sensor(Path(name))
     if name not in sensor_names():
-        raise unknown_name("sensor", name, sensor_names())
+        raise InputError(unknown("sensor", name, sensor_names()))
     return _preset(name)
 
 

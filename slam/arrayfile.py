@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 import zlib
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.core import InputError
+from slam.plainfile import size_of
 
 MOST_BYTES = 16_000_000_000
 """Of all arrays, unpacked; a file of ours is no larger, and zeros can be packed a thousandfold."""
 
 BROKEN = (
     *(OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError),
-    *(NotImplementedError, zipfile.BadZipFile, zlib.error),
+    *(NotImplementedError, IndexError, OverflowError, SyntaxError, TokenError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
 )
 """What numpy and zipfile raise for files that are not, or no longer, theirs."""
 
@@ -27,6 +31,7 @@ class ArrayFile:
 
     def __init__(self, path: Path, what: str, most_bytes: int = MOST_BYTES):
         self._path, self._what = path, what
+        size_of(path)
         try:
             self._file = np.load(path, allow_pickle=False)
             members = self._file.zip.infolist()

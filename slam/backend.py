@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
-from typing import overload
 
 import numpy as np
 
@@ -17,7 +14,6 @@ from slam.core import (
     Keyframe,
     KeyframeScan,
     MapView,
-    PlaneObservation,
     Proposals,
     RunError,
     inverse,
@@ -25,14 +21,13 @@ from slam.core import (
     transform_points,
 )
 from slam.graph import GraphConfig, LayeredGraph
+from slam.keyframes import Keyframes, usable_planes
 from slam.loops import Loop, LoopCloser, LoopConfig
-from slam.nodes import room_nodes, wall_nodes
+from slam.nodes import one_in_a_room, room_nodes, wall_nodes
 from slam.path import Anchor, Path
 from slam.planemap import PlaneMap, PlaneMapConfig
-from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
+from slam.relations import RelationConfig, Relations
 from slam.support import Observed
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class BackEnd:
         self._way = 0.0
         self._T_map_track = np.eye(4)
         self._failed = False
-        self._thicknesses = Thicknesses(config.relations)
+        self._relations = Relations(config.relations)
         self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
     # --- one frame after the other ---
@@ -90,7 +85,7 @@ class BackEnd:
         T_map_base = self._T_map_track @ frame.T_track_base
         previous = self._keyframes[-1] if self._keyframes else None
         step = None if previous is None else inverse(previous.T_track_base) @ frame.T_track_base
-        planes = self._usable_planes(keyframe, frame.keyframe)
+        planes = usable_planes(keyframe, frame.keyframe)
         seen = [observation for _, observation in planes]
         way = self._way + (0.0 if step is None else float(np.linalg.norm(step[:3, 3])))
         T_map_base, known = self._planes.associate(T_map_base, seen, way)
@@ -122,16 +117,6 @@ class BackEnd:
         )
         distance = np.linalg.norm(places - T_map_base[:3, 3], axis=1)
         return int(distance.argmin()) if distance.min() < config.near and all(often) else None
-
-    def _usable_planes(
-        self, keyframe: int, scan: KeyframeScan
-    ) -> list[tuple[int, PlaneObservation]]:
-        """Observations that are planes, each with its place among the keyframe's."""
-        usable = [(place, o) for place, o in enumerate(scan.planes) if _usable(o)]
-        if len(usable) < len(scan.planes):
-            count = len(scan.planes) - len(usable)
-            log.warning("keyframe %d: %d observations are no planes: left out", keyframe, count)
-        return usable
 
     def _add_observation(self, T_map_base: Array, observed: Observed, plane: int | None) -> None:
         """An observation of a plane, or of one that is new."""
@@ -199,32 +184,18 @@ class BackEnd:
         walls = wall_nodes(proposals.walls, self._planes) if with_walls else {}
         self._graph.set_concepts(rooms, walls)
         if self._config.factors == "informative":
-            self._merge_pairs(self._alike(rooms))
+            if self._config.relations.merging:
+                apart = self._config.relations.apart
+                self._merge_pairs(one_in_a_room(rooms.values(), self._planes, apart))
             self._relate(rooms, walls)
-
-    def _alike(self, rooms: dict[int, RoomNode]) -> list[tuple[int, int]]:
-        """Pairs (kept, gone) of planes that their being of one room tells to be one."""
-        config = self._config.relations
-        pairs: list[tuple[int, int]] = []
-        for node in rooms.values() if config.merging else ():
-            for a, b in combinations(sorted(node.planes), 2):
-                used = {plane for pair in pairs for plane in pair}
-                if not {a, b} & used and self._planes.is_one_in_a_room(a, b, config.apart):
-                    pairs.append((a, b))
-        return pairs
 
     def _relate(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
         """Makes the graph hold what rooms and walls say about planes."""
-        config, normals = self._config.relations, self._estimates.normals
-        alive = self._estimates.alive
-        relations: set[Relation] = set()
-        for room in rooms.values():
-            planes = [plane for plane in room.planes if alive[plane]]
-            relations |= set(room_relations(planes, normals, config))
-        if config.thickness:
-            held = [(w.planes, w.centre) for w in walls.values() if alive[list(w.planes)].all()]
-            relations |= set(self._thicknesses.relations(held, normals, self._estimates.offsets))
-        self._graph.set_relations(relations, config)
+        estimates = self._estimates
+        bounded = [[p for p in room.planes if estimates.alive[p]] for room in rooms.values()]
+        held = [(w.planes, w.centre) for w in walls.values() if estimates.alive[[*w.planes]].all()]
+        relations = self._relations.of(bounded, held, estimates.normals, estimates.offsets)
+        self._graph.set_relations(relations, self._config.relations)
 
     def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
         """Solves the graph and brings poses, planes and the map's points up to date.
@@ -254,7 +225,7 @@ class BackEnd:
 
     def keyframes(self) -> Sequence[Keyframe]:
         """All keyframes with their poses as estimated now."""
-        return _Keyframes(self._keyframes, self._estimates.poses.copy())
+        return Keyframes(self._keyframes, self._estimates.poses.copy())
 
     @property
     def plane_count(self) -> int:
@@ -284,36 +255,3 @@ class BackEnd:
     def graph(self) -> LayeredGraph:
         """The layered graph itself, for its nodes and edges."""
         return self._graph
-
-
-def _usable(observation: PlaneObservation) -> bool:
-    """Is it a plane at all: finite, with a direction, points, and a covariance that is one?"""
-    o = observation
-    finite = all(np.isfinite(part).all() for part in (o.normal, o.d, o.centroid, o.covariance))
-    if not finite or len(o.points) == 0 or not np.isfinite(o.points).all():
-        return False
-    upright = abs(float(np.linalg.norm(o.normal)) - 1.0) < 1e-6
-    return upright and bool(np.linalg.eigvalsh(o.covariance)[0] > 0.0)
-
-
-class _Keyframes(Sequence[Keyframe]):
-    """Keyframes that are made when they are looked at: there may be thousands."""
-
-    def __init__(self, frames: list[Frame], poses: Array):
-        self._frames = frames
-        self._poses = poses
-
-    def __len__(self) -> int:
-        return len(self._poses)
-
-    @overload
-    def __getitem__(self, place: int) -> Keyframe: ...
-    @overload
-    def __getitem__(self, place: slice) -> list[Keyframe]: ...
-    def __getitem__(self, place: int | slice) -> Keyframe | list[Keyframe]:
-        if isinstance(place, slice):
-            return [self[k] for k in range(*place.indices(len(self)))]
-        k = range(len(self))[place]
-        frame = self._frames[k]
-        assert frame.keyframe is not None
-        return Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -22,6 +23,22 @@ def room_nodes(
 def wall_nodes(walls: Iterable[WallProposal], planes: PlaneMap) -> dict[int, WallNode]:
     """By the proposals' ids; without those that have lost a plane, or are one plane by now."""
     return {wall.id: node for wall in walls if (node := _wall_node(wall, planes))}
+
+
+def one_in_a_room(
+    rooms: Iterable[RoomNode], planes: PlaneMap, apart: float
+) -> list[tuple[int, int]]:
+    """Pairs (kept, gone) of planes, each in one pair, that are one since they bound one room.
+
+    apart: how far they may lie from each other [m].
+    """
+    pairs: list[tuple[int, int]] = []
+    for node in rooms:
+        for a, b in combinations(sorted(node.planes), 2):
+            used = {plane for pair in pairs for plane in pair}
+            if not {a, b} & used and planes.is_one_in_a_room(a, b, apart):
+                pairs.append((a, b))
+    return pairs
 
 
 def _room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode | None:

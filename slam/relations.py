@@ -18,6 +18,9 @@ from slam.core import Array
 
 Kind = Literal["parallel", "perpendicular", "thickness"]
 
+Wall = tuple[tuple[int, int], Array]
+"""The ids of its two planes, and a point (3,) between them."""
+
 
 @dataclass(frozen=True)
 class Relation:
@@ -53,6 +56,25 @@ class RelationConfig:
     apart: float = 0.08
 
 
+class Relations:
+    """All relations that hold now; it remembers which walls it has found equally thick."""
+
+    def __init__(self, config: RelationConfig):
+        self._config = config
+        self._thicknesses = Thicknesses(config)
+
+    def of(
+        self, rooms: Iterable[Sequence[int]], walls: Iterable[Wall], normals: Array, offsets: Array
+    ) -> set[Relation]:
+        """Of rooms by the ids of their planes, and of walls. normals: (P, 3) and offsets: (P,) of
+        all planes, by id."""
+        config = self._config
+        found = {r for planes in rooms for r in room_relations(planes, normals, config)}
+        if config.thickness:
+            found |= set(self._thicknesses.relations(walls, normals, offsets))
+        return found
+
+
 def room_relations(
     planes: Sequence[int], normals: Array, config: RelationConfig
 ) -> Iterable[Relation]:
@@ -73,10 +95,8 @@ class Thicknesses:
         self._centres: list[float] = []
         self._of_wall: dict[tuple[int, int], int] = {}
 
-    def relations(
-        self, walls: Iterable[tuple[tuple[int, int], Array]], normals: Array, offsets: Array
-    ) -> list[Relation]:
-        """Of walls, by the ids of their planes and a point (3,) between them."""
+    def relations(self, walls: Iterable[Wall], normals: Array, offsets: Array) -> list[Relation]:
+        """Of walls as thick as enough others. normals: (P, 3) and offsets: (P,) by id."""
         found = []
         for planes, point in walls:
             a, b = planes

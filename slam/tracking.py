@@ -8,10 +8,9 @@ it. The planes are kept in the tracker's own frame and forgotten after a while: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slam.core import (
     Array,
@@ -20,13 +19,13 @@ from slam.core import (
     Scan,
     inverse,
     orthonormal,
-    plane_axes,
     pose,
     so3_exp,
-    transform_plane,
     transform_points,
     yaw_of,
 )
+from slam.correspondence import Candidates, PlaneStack
+from slam.localplanes import LocalPlaneConfig, LocalPlanes
 from slam.odometry import Stamped, deskew
 
 Sigmas = tuple[float, float, float, float, float, float]
@@ -39,9 +38,7 @@ class TrackingConfig:
     is believed in; point_sigma [m]: of a return, plane_sigma [m]: of a plane, however many returns
     lie on it; *_sigma: how far (turns about x, y, z [rad], shifts along x, y, z [m]) the
     pose at the sweep's end may lie from the odometry's, that at its start from the last sweep's
-    end, and the motion between them from that of the last sweep; keep: keyframes after
-    which an unseen plane is forgotten; match_*: an observation is of a known plane within these;
-    observed_*: added to an observation's own standard deviations, for the pose it was seen from.
+    end, and the motion between them from that of the last sweep.
     """
 
     points: int = 2000
@@ -53,80 +50,7 @@ class TrackingConfig:
     odometry_sigma: Sigmas = (0.007, 0.007, 0.05, 0.05, 0.05, 0.01)
     last_sigma: Sigmas = (0.003, 0.003, 0.003, 0.003, 0.003, 0.003)
     motion_sigma: Sigmas = (0.004, 0.004, 0.015, 0.006, 0.006, 0.003)
-    keep: int = 40
-    match_angle: float = np.radians(5.0)
-    match_distance: float = 0.10
-    match_reach: float = 1.0
-    observed_rotation: float = np.radians(0.1)
-    observed_distance: float = 0.004
-
-
-@dataclass
-class _LocalPlane:
-    """A plane in the tracker's frame, with a covariance at its centroid (``PlaneObservation``), its
-    extent along its level axis and in height, and the keyframe that saw it last."""
-
-    normal: Array
-    centroid: Array
-    covariance: Array
-    span: Array
-    height: Array
-    seen: int
-
-
-class _Stack:
-    """The planes as arrays over P: normals (P, 3), offsets, level axes, extents, and which of them
-    are floors or ceilings."""
-
-    def __init__(self, planes: list[_LocalPlane]):
-        self.normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
-        centroids = np.array([plane.centroid for plane in planes]).reshape(-1, 3)
-        self.offsets = -np.einsum("pi,pi->p", self.normals, centroids)
-        self.axes = np.array([plane_axes(plane.normal)[0] for plane in planes]).reshape(-1, 3)
-        self.span = np.array([plane.span for plane in planes]).reshape(-1, 2)
-        self.height = np.array([plane.height for plane in planes]).reshape(-1, 2)
-        self.level = np.abs(self.normals[:, 2]) > 0.7
-
-    def __len__(self) -> int:
-        return len(self.normals)
-
-
-class _Candidates:
-    """Which of a scan's points (3, N) may lie on which of the planes that face it: all that do
-    within ``reach`` now, hence all that will within less once the points have moved a little."""
-
-    def __init__(self, stack: _Stack, points: Array, origin: Array, reach: float):
-        near = np.abs((stack.normals @ points).T + stack.offsets) < reach
-        near &= stack.normals @ origin + stack.offsets > 0.1
-        self._place, plane = np.nonzero(near)
-        self._plane = plane
-        self._normals, self._offsets = stack.normals.T.take(plane, axis=1), stack.offsets[plane]
-        self._axes, self._level = stack.axes.T.take(plane, axis=1), stack.level[plane]
-        self._span, self._height = stack.span[plane].T, stack.height[plane].T
-
-    def correspond(
-        self, points: Array, gate: float, config: TrackingConfig
-    ) -> tuple[IntArray, IntArray, Array]:
-        """Places of the points that lie on one plane, which, and how far off it [m]."""
-        near = points.take(self._place, axis=1)
-        distance = np.einsum("ic,ic->c", near, self._normals) + self._offsets
-        along = np.einsum("ic,ic->c", near, self._axes)
-        inside = _within(along, self._span, config.margin)
-        inside &= _within(near[2], self._height, config.margin)
-        inside |= self._level
-        # The feet of walls that are not known yet must not pass for floor.
-        gates = np.where(self._level, min(gate, config.level_gate), gate)
-        use = np.flatnonzero(inside & (np.abs(distance) < gates))
-        place = self._place[use]
-        # A point in a corner could be on either wall.
-        alone = np.bincount(place, minlength=points.shape[1])[place] == 1
-        use = use[alone]
-        return self._place[use], self._plane[use], distance[use]
-
-
-def _within(values: Array, ends: Array, margin: float) -> NDArray[np.bool_]:
-    """Which of the values (N,) lie between their ends (2, N), or less than a margin beyond."""
-    return (values > ends[0] - margin) & (values < ends[1] + margin)
+    planes: LocalPlaneConfig = field(default_factory=LocalPlaneConfig)
 
 
 class PlaneTracker:
@@ -134,14 +58,13 @@ class PlaneTracker:
 
     def __init__(self, config: TrackingConfig = TrackingConfig()):
         self._config = config
-        self._planes: list[_LocalPlane] = []
-        self._stack = _Stack([])
+        self._planes = LocalPlanes(config.planes)
+        self._stack = PlaneStack(())
         self._weights = _Weights(config)
         self._prior = self._weights.information()
         self._T_track_odom = np.eye(4)
         self._ends: list[Stamped] = []
         self._motion = np.eye(4)
-        self._keyframes = 0
 
     def track(self, scan: Scan, T_odom_base: Array) -> Array:
         """T_track_base (4, 4) at the sweep's end."""
@@ -162,14 +85,8 @@ class PlaneTracker:
 
     def learn(self, planes: tuple[PlaneObservation, ...]) -> None:
         """Takes in what a keyframe, the scan tracked last, observed."""
-        self._keyframes += 1
-        for observation in planes:
-            self._learn(observation, self._ends[-1][1])
-        oldest = self._keyframes - self._config.keep
-        self._planes = [plane for plane in self._planes if plane.seen >= oldest]
-        self._stack = _Stack(self._planes)
-
-    # --- the pose ---
+        self._planes.learn(planes, self._ends[-1][1])
+        self._stack = PlaneStack(tuple(self._planes))
 
     def _refine(
         self, scan: Scan, stamp: float, T_last: Array, T_odom: Array
@@ -183,7 +100,7 @@ class PlaneTracker:
         """
         config = self._config
         steady = T_last @ self._motion
-        if not self._planes:
+        if not len(self._stack):
             return T_last, T_odom
         start, end = T_last, steady
         sample = _sample(scan, config.points)
@@ -191,9 +108,9 @@ class PlaneTracker:
         ends = [(stamp, start), (scan.stamp, end)]
         points = np.ascontiguousarray(transform_points(end, deskew(sample, ends)).T)
         origin = transform_points(end, scan.T_base_lidar[:3, 3])
-        candidates = _Candidates(self._stack, points, origin, config.gates[0])
+        candidates = Candidates(self._stack, points, origin, config.gates[0], config.margin)
         for gate in config.gates:
-            used, which, distance = candidates.correspond(points, gate, config)
+            used, which, distance = candidates.correspond(points, gate, config.level_gate)
             lever = points - end[:3, 3:]
             information, right = self._seen(lever[:, used], which, distance, elapsed[used])
             right -= self._expected(start, end, T_last, steady, T_odom)
@@ -227,43 +144,9 @@ class PlaneTracker:
         weighted = weight * jacobian
         return weighted @ jacobian.T, -weighted @ distance
 
-    # --- the planes ---
-
-    def _learn(self, observation: PlaneObservation, T: Array) -> None:
-        config = self._config
-        normal, d = transform_plane(T, observation.normal, observation.d)
-        centroid = transform_points(T, observation.centroid)
-        points = transform_points(T, observation.points)
-        extra = [config.observed_rotation**2] * 2 + [config.observed_distance**2]
-        # Residuals tell how far the true normal lies from the observed one; here it is reversed.
-        reverse = np.diag([-1.0, -1.0, 1.0])
-        covariance = reverse @ observation.covariance @ reverse + np.diag(extra)
-        for plane in self._planes:
-            if self._same(plane, normal, centroid, points):
-                _update(plane, normal, d, centroid, covariance)
-                break
-        else:
-            empty = np.array([np.inf, -np.inf])
-            plane = _LocalPlane(normal, centroid, covariance, empty, empty, 0)
-            self._planes.append(plane)
-        along = points @ plane_axes(plane.normal)[0]
-        plane.span = _grown(plane.span, along)
-        plane.height = _grown(plane.height, points[:, 2])
-        plane.seen = self._keyframes
-
-    def _same(self, plane: _LocalPlane, normal: Array, centroid: Array, points: Array) -> bool:
-        config = self._config
-        if plane.normal @ normal < np.cos(config.match_angle):
-            return False
-        if abs(plane.normal @ (centroid - plane.centroid)) > config.match_distance:
-            return False
-        along = points @ plane_axes(plane.normal)[0]
-        gap = max(along.min() - plane.span[1], plane.span[0] - along.max())
-        return bool(gap < config.match_reach or abs(normal[2]) > 0.7)
-
 
 def _sample(scan: Scan, count: int) -> Scan:
-    """Every so-manieth return, beams and azimuths evenly."""
+    """About so many returns within 20 m, of beams and azimuths evenly."""
     use = np.arange(0, len(scan), max(1, len(scan) // count) | 1)  # even: would leave out beams
     points = scan.points[use]
     use = use[np.einsum("ni,ni->n", points, points) < 20.0**2]
@@ -322,35 +205,3 @@ def _apart(T: Array, other: Array) -> Array:
         [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
     )
     return np.append(vee, T[:3, 3] - other[:3, 3])
-
-
-def _grown(interval: Array, values: Array) -> Array:
-    """The interval that also holds the bulk of the values (N,): from their first to their 99th
-    percentile."""
-    places = np.array([0.01, 0.99]) * (len(values) - 1)
-    below = places.astype(np.int64)
-    above = np.minimum(below + 1, len(values) - 1)
-    ordered = np.partition(values, [*below, *above])  # np.percentile takes five times as long
-    low, high = ordered[below] + (places - below) * (ordered[above] - ordered[below])
-    return np.array([min(interval[0], low), max(interval[1], high)])
-
-
-def _update(
-    plane: _LocalPlane, normal: Array, d: float, centroid: Array, covariance: Array
-) -> None:
-    """Kalman update of a plane by another estimate of it, in the plane's axes at its centroid.
-
-    State: turns of the normal towards both tangents, and the plane's offset along its normal.
-    """
-    first, second = plane_axes(plane.normal)
-    lever = plane.centroid - centroid
-    measured = np.array([first @ normal, second @ normal, -(normal @ plane.centroid + d)])
-    carry = np.eye(3)
-    carry[2, :2] = -first @ lever, -second @ lever
-    innovation = plane.covariance + carry @ covariance @ carry.T
-    gain = plane.covariance @ np.linalg.inv(innovation)
-    change = gain @ measured
-    plane.covariance = (np.eye(3) - gain) @ plane.covariance
-    plane.centroid = plane.centroid + change[2] * plane.normal
-    turned = plane.normal + change[0] * first + change[1] * second
-    plane.normal = turned / np.linalg.norm(turned)

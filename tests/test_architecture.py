@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
-LEAVES = ("slam.core", "slam.geometry", "slam.arrayfile")
+LEAVES = ("slam.core", "slam.geometry", "slam.arrayfile", "slam.plainfile")
 
 MAY_IMPORT = {
     "worlds": ("worlds",),
@@ -63,7 +63,7 @@ def test_imports_go_one_way(path: Path) -> None:
 def test_leaves_import_numpy_and_each_other_only(leaf: str) -> None:
     modules = set(imported(ROOT / f"{leaf.replace('.', '/')}.py"))
     outside = {m.partition(".")[0] for m in modules - set(LEAVES)} - set(sys.stdlib_module_names)
-    assert outside == {"numpy"}
+    assert outside <= {"numpy"}
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

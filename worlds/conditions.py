@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from slam.core import InputError
+from worlds.names import unknown
 
 SPREADS = ("yaw", "lean", "shift", "thickness")
 """The fields that say how exactly walls are built; ``ideal`` switches these off."""
@@ -92,9 +92,7 @@ def conditions_named(name: str) -> Conditions:
 
 def _preset(part: str, name: str) -> Conditions:
     if part not in CONDITIONS:
-        near = difflib.get_close_matches(part, CONDITIONS, n=1, cutoff=0.4) or sorted(CONDITIONS)
-        which = f'"{name}"' if part == name else f'"{name}": "{part}"'
-        raise InputError(f"conditions {which}: unknown, expected {' or '.join(near)}")
+        raise InputError(f'conditions "{name}": {unknown("preset", part, CONDITIONS)}')
     return CONDITIONS[part]
 
 

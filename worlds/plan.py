@@ -14,6 +14,10 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import Array
 
+MAX_STOREYS, MAX_ROOMS, MAX_DOORS = 200, 5_000, 5_000
+"""Most storeys of a building in a file, and rooms and doors of a storey."""
+MAX_NEIGHBOURS = 100_000
+"""Most pairs of rooms on a storey that touch each other."""
 CEILING_WHERE_UNKNOWN = 2.7
 """Height of a storey whose plan gives none [m]."""
 UNLABELLED = "unlabelled"

@@ -19,41 +19,19 @@ same folder: two scenes can share one.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-import shapely
-from shapely import STRtree
-from shapely.geometry import MultiPolygon, Polygon
-from shapely.geometry.polygon import orient
-
 from slam.core import InputError
-from worlds.drafting import CentreLine, as_multipolygon, door_footprint, draw_bodies
 from worlds.fields import Field, read_json
-from worlds.plan import (
-    CEILING_WHERE_UNKNOWN,
-    NamedRoute,
-    Opening,
-    Plan,
-    Ramp,
-    RoomOutline,
-    Storey,
-)
+from worlds.plan import MAX_STOREYS, NamedRoute, Plan, Ramp, Storey
 from worlds.planlinks import links_text, read_ramps, read_routes
-from worlds.tangle import tangled
+from worlds.planstorey import quoted, read_storey, storey_text
 
 FORMAT = "roomloop-plan-1"
 MAX_VERTICES = 200_000
 """Most corners that a plan can have: a building of 1,000 rooms has about 20,000."""
-OPENING_KINDS = ("door", "window", "opening")
-DOOR_HEIGHT = 2.0
-"""Height of a door whose plan gives none [m]."""
-MIN_HEIGHT = 0.5
-"""Least height of a storey [m]."""
-MAX_OVERLAP = 0.02
-"""What two rooms may share outside of walls before they count as overlapping [m2]."""
+LONGEST_NAME = 200
+"""Letters of the name of a plan's file."""
 
 
 def read_plan(path: Path) -> Plan:
@@ -70,7 +48,7 @@ def checked_json(path: Path) -> Field:
 
 def plan_of(root: Field, path: Path) -> Plan:
     """The plan in a parsed file of our own format."""
-    content = "building" if _has(root, "building") else "storeys"
+    content = "building" if root.has("building") else "storeys"
     top = root.members(("format", content), ("name", "notes", "conditions", "ramps", "routes"))
     top["format"].choice((FORMAT,))
     storeys, ramps, routes = _shared(top, path) if content == "building" else _own(top)
@@ -89,19 +67,19 @@ def plan_of(root: Field, path: Path) -> Plan:
 def plan_sources(path: Path) -> tuple[Path, ...]:
     """The files that make up the plan in a file: itself, and that of the building it names."""
     root = read_json(path)
-    if not (isinstance(root.value, dict) and "building" in root.value):
+    if not root.has("building"):
         return (path,)
-    return path, _building_path(root.members((), tuple(root.value))["building"], path)
+    return path, _building_path(root.member("building"), path)
 
 
 _Building = tuple[tuple[Storey, ...], tuple[Ramp, ...], tuple[NamedRoute, ...]]
 
 
 def _own(top: dict[str, Field]) -> _Building:
-    items = top["storeys"].items()
+    items = top["storeys"].items(MAX_STOREYS)
     if not items:
         top["storeys"].wrong("at least one storey")
-    storeys = tuple(_storey(field, i) for i, field in enumerate(items))
+    storeys = tuple(read_storey(field, i) for i, field in enumerate(items))
     ramps = read_ramps(top["ramps"], storeys) if "ramps" in top else ()
     return storeys, ramps, ()
 
@@ -112,7 +90,7 @@ def _shared(top: dict[str, Field], path: Path) -> _Building:
         top["ramps"].fail("expected the ramps in the plan file of the building")
     other = _building_path(top["building"], path)
     root = checked_json(other)
-    if _has(root, "building"):
+    if root.has("building"):
         top["building"].wrong("a plan file with storeys of its own")
     plan = plan_of(root, other)
     return plan.storeys, plan.ramps, plan.routes
@@ -121,7 +99,7 @@ def _shared(top: dict[str, Field], path: Path) -> _Building:
 def _building_path(field: Field, path: Path) -> Path:
     name = field.text()
     other = path.parent / f"{name}.json"
-    if Path(name).name != name or not other.is_file():
+    if Path(name).name != name or len(name) > LONGEST_NAME or not other.is_file():
         field.wrong("the name of a plan file in the same folder, without .json")
     return other
 
@@ -140,156 +118,6 @@ def _check_size(root: Field) -> None:
         root.fail(f"{corners} corners, expected a plan of at most {MAX_VERTICES}")
 
 
-def _storey(field: Field, index: int) -> Storey:
-    parts = field.members(("rooms", "walls"), ("name", "z_floor", "z_ceiling", "doors"))
-    z_floor = parts["z_floor"].number() if "z_floor" in parts else 0.0
-    z_ceiling = z_floor + CEILING_WHERE_UNKNOWN
-    if "z_ceiling" in parts and parts["z_ceiling"].value is not None:
-        z_ceiling = parts["z_ceiling"].number()
-        if z_ceiling < z_floor + MIN_HEIGHT:
-            parts["z_ceiling"].wrong(f"a height at least {MIN_HEIGHT} m above z_floor {z_floor:g}")
-    bodies = _walls(parts["walls"])
-    if tangled(np.array(bodies)):
-        parts["walls"].fail("expected walls, found ones that cross without end")
-    walls = as_multipolygon(shapely.union_all(bodies))
-    rooms = [_room(item, i) for i, item in enumerate(parts["rooms"].items())]
-    _check_rooms(parts["rooms"], rooms, walls)
-    doors = parts["doors"].items() if "doors" in parts else []
-    tree = STRtree(bodies)
-    return Storey(
-        name=parts["name"].text() if "name" in parts else str(index),
-        z_floor=z_floor,
-        z_ceiling=z_ceiling,
-        rooms=tuple(rooms),
-        walls=walls,
-        openings=tuple(_door(door, tree, z_ceiling - z_floor) for door in doors),
-    )
-
-
-# --- rooms ---------------------------------------------------------------------------------------
-
-
-def _room(field: Field, index: int) -> RoomOutline:
-    parts = field.members(("outline",), ("id", "name", "kind", "holes"))
-    identity = parts["id"].text() if "id" in parts else str(index)
-    return RoomOutline(
-        id=identity,
-        name=parts["name"].text() if "name" in parts else identity,
-        kind=parts["kind"].text().lower() if "kind" in parts else "room",
-        outline=_polygon(parts),
-    )
-
-
-def _check_rooms(field: Field, rooms: Sequence[RoomOutline], walls: MultiPolygon) -> None:
-    """Rooms have names of their own, free space between the walls, and do not overlap."""
-    seen: dict[str, int] = {}
-    for i, room in enumerate(rooms):
-        if room.id in seen:
-            field.items()[i].fail(f'id "{room.id}" is also that of rooms[{seen[room.id]}]')
-        seen[room.id] = i
-    free = shapely.difference([room.outline for room in rooms], walls)
-    for i in np.flatnonzero(shapely.area(free) < MAX_OVERLAP).tolist():
-        field.items()[i].fail(f'room "{rooms[i].name}" has no free space outside the walls')
-    first, second = STRtree(free).query(free, predicate="intersects")
-    pairs = np.flatnonzero(first < second)
-    shared = shapely.area(shapely.intersection(free[first[pairs]], free[second[pairs]]))
-    for i, j in zip(
-        first[pairs[shared > MAX_OVERLAP]], second[pairs[shared > MAX_OVERLAP]], strict=False
-    ):
-        names = f'"{rooms[i].name}" (rooms[{i}]) and "{rooms[j].name}"'
-        field.items()[j].fail(f"rooms {names} overlap, expected rooms side by side")
-
-
-# --- walls and doors -----------------------------------------------------------------------------
-
-
-def _walls(field: Field) -> list[Polygon]:
-    lines, outlines = [], []
-    for item in field.items():
-        if isinstance(item.value, dict) and "outline" in item.value:
-            outlines.append(_polygon(item.members(("outline",), ("holes",))))
-        else:
-            lines.append(_centre_line(item))
-    if not lines and not outlines:
-        field.wrong("at least one wall")
-    return draw_bodies(lines, outlines)
-
-
-def _centre_line(field: Field) -> CentreLine:
-    parts = field.members(("from", "to", "thickness"), ())
-    start, end = np.array(parts["from"].point()), np.array(parts["to"].point())
-    thickness = parts["thickness"].positive()
-    if np.linalg.norm(end - start) < 1e-3:
-        parts["to"].wrong("another point than in from: the wall has no length")
-    return CentreLine(start, end, thickness)
-
-
-def _door(field: Field, bodies: STRtree, height: float) -> Opening:
-    shape = ("outline",) if _has(field, "outline") else ("at", "width")
-    parts = field.members(shape, ("kind", "height", "sill", "head", "holes", "glass"))
-    kind = parts["kind"].choice(OPENING_KINDS) if "kind" in parts else "door"
-    z_min, z_max = _heights(field, parts, height)
-    footprint = _polygon(parts) if "outline" in parts else _across(parts, bodies)
-    touched = bodies.geometries[bodies.query(footprint, predicate="intersects")]
-    if not shapely.area(shapely.intersection(touched, footprint)).sum() > 1e-6:
-        parts[shape[0]].wrong("a door on a wall: no wall is there")
-    glass = parts["glass"].truth() if "glass" in parts else False
-    return Opening(kind, footprint, z_min, z_max, glass)
-
-
-def _has(field: Field, key: str) -> bool:
-    return isinstance(field.value, dict) and key in field.value
-
-
-def _across(parts: dict[str, Field], bodies: STRtree) -> Polygon:
-    width = parts["width"].positive()
-    footprint = door_footprint(np.array(parts["at"].point()), width, bodies)
-    if footprint is None:
-        parts["at"].wrong(f"the middle of a door that lies on one wall over its {width:g} m")
-    return footprint
-
-
-def _heights(field: Field, parts: dict[str, Field], ceiling: float) -> tuple[float, float]:
-    """(sill, head) of a door above the floor, from any two of sill, head and height."""
-    sill = parts["sill"].number() if "sill" in parts else 0.0
-    if "head" in parts and "height" in parts:
-        field.fail("expected head or height, found both")
-    if "head" in parts:
-        head = parts["head"].positive()
-    else:
-        head = sill + (parts["height"].positive() if "height" in parts else DOOR_HEIGHT)
-        head = head if "height" in parts else min(head, ceiling)
-    if not 0.0 <= sill < head <= ceiling + 1e-9:
-        field.fail(
-            f"expected 0 <= sill < head <= {ceiling:g} m (the ceiling), "
-            f"found sill {sill:g} and head {head:g}"
-        )
-    return sill, head
-
-
-# --- polygons ------------------------------------------------------------------------------------
-
-
-def _polygon(parts: dict[str, Field]) -> Polygon:
-    """The polygon of ``outline`` and ``holes``: not self-crossing, and with an area."""
-    holes = parts["holes"].items() if "holes" in parts else []
-    polygon = Polygon(_ring(parts["outline"]), [_ring(hole) for hole in holes])
-    if not polygon.is_valid:
-        reason = shapely.is_valid_reason(polygon)
-        parts["outline"].fail(f"expected an outline that does not cross itself: {reason}")
-    return polygon
-
-
-def _ring(field: Field) -> list[tuple[float, float]]:
-    points = [item.point() for item in field.items()]
-    ring = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
-    if len(set(ring)) < 3:
-        field.wrong("at least three different points")
-    if Polygon(ring).area < 1e-6:
-        field.wrong("an outline with an area")
-    return ring
-
-
 # --- writing -------------------------------------------------------------------------------------
 
 
@@ -305,9 +133,9 @@ def write_plan(plan: Plan, path: Path) -> None:
 
 def plan_text(plan: Plan) -> str:
     """The text of the plan's file."""
-    storeys = ",\n".join(_storey_text(storey) for storey in plan.storeys)
+    storeys = ",\n".join(storey_text(storey) for storey in plan.storeys)
     head = ",\n".join(
-        f'"{key}": {_text(value)}'
+        f'"{key}": {quoted(value)}'
         for key, value in (
             ("format", FORMAT),
             ("name", plan.name),
@@ -316,41 +144,3 @@ def plan_text(plan: Plan) -> str:
         )
     )
     return f'{{{head},\n"storeys": [\n{storeys}\n]{links_text(plan)}}}\n'
-
-
-def _storey_text(storey: Storey) -> str:
-    rooms = [
-        f'{{"id": {_text(r.id)}, "name": {_text(r.name)}, "kind": {_text(r.kind)}, '
-        f"{_outline(r.outline)}}}"
-        for r in storey.rooms
-    ]
-    doors = [
-        f'{{"kind": {_text(o.kind)}, "sill": {o.z_min!r}, "head": {o.z_max!r}, '
-        f'"glass": {json.dumps(o.glass)}, {_outline(o.footprint)}}}'
-        for o in storey.openings
-    ]
-    walls = [f"{{{_outline(wall)}}}" for wall in storey.walls.geoms]
-    return (
-        f'{{"name": {_text(storey.name)}, "z_floor": {storey.z_floor!r}, '
-        f'"z_ceiling": {storey.z_ceiling!r},\n'
-        f'"rooms": {_block(rooms)},\n"walls": {_block(walls)},\n"doors": {_block(doors)}}}'
-    )
-
-
-def _block(lines: Sequence[str]) -> str:
-    return "[\n  " + ",\n  ".join(lines) + "]" if lines else "[]"
-
-
-def _outline(polygon: Polygon) -> str:
-    polygon = orient(polygon)
-    holes = [_points(hole.coords) for hole in polygon.interiors]
-    text = f'"outline": {_points(polygon.exterior.coords)}'
-    return text + (f', "holes": [{", ".join(holes)}]' if holes else "")
-
-
-def _points(coords: Sequence[tuple[float, ...]]) -> str:
-    return json.dumps([[float(x), float(y)] for x, y, *_ in list(coords)[:-1]])
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False)

@@ -170,9 +170,13 @@ def _wanted(plan: Plan, storey: int | None) -> Sequence[int]:
         return range(len(plan.storeys))
     if not 0 <= storey < len(plan.storeys):
         raise InputError(
-            f'plan "{plan.name}": storey {storey}: expected 0 to {len(plan.storeys) - 1}'
+            f'plan "{plan.name}": storey {storey}: expected {_places(len(plan.storeys))}'
         )
     return [storey]
+
+
+def _places(storeys: int) -> str:
+    return f"0 to {storeys - 1}" if storeys > 1 else "0, its only one"
 
 
 def _built(

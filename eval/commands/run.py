@@ -111,7 +111,8 @@ def run(
     )
     from rich.console import Console
 
-    from eval.screen import RunProgress, our_warnings_only, show_result
+    from eval.runtables import show_result
+    from eval.screen import RunProgress, our_warnings_only
 
     screen = Console(stderr=True)
     our_warnings_only(screen)

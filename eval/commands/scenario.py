@@ -53,7 +53,8 @@ def _scenario(scene: str, seeds: str | None, flags: Mapping[str, object]) -> Sce
 
 
 def _show(console: Console, outcome: Outcome) -> None:
-    from eval.screen import line, seeds_table, show_result
+    from eval.runtables import seeds_table, show_result
+    from eval.screen import line
 
     if len(outcome.runs) == 1:
         (metrics,) = outcome.runs.values()

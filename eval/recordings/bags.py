@@ -22,6 +22,7 @@ from slam.core import (
     pose,
     rotation_from_quaternion_xyzw,
 )
+from slam.plainfile import size_of
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -100,7 +101,7 @@ class BagRecording:
                 self.truth = _truth(path, bag, options.truth)
             T_base_lidar = options.T_base_lidar
             self._T_base_lidar = (
-                _mounting(bag, self.topic) if T_base_lidar is None else T_base_lidar
+                _mounting(path, bag, self.topic) if T_base_lidar is None else T_base_lidar
             )
             self._wheels = _wheels(bag)
 
@@ -156,7 +157,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
             f"{path}: reading bags needs rosbags: pip install 'roomloop[ros]'"
         ) from error
     files = sorted(path.glob("*.bag")) if path.is_dir() else []
-    _check_magic([path] if path.is_file() else files)
+    _check_magic(files if path.is_dir() else [path])
     try:
         bag = AnyReader(files or [path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         bag.open()
@@ -172,6 +173,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
 def _check_magic(files: Sequence[Path]) -> None:
     for file in files:
         magic = MAGIC.get(file.suffix, b"")
+        size_of(file)
         with file.open("rb") as opened:
             if opened.read(len(magic)) != magic:
                 raise InputError(f"{file}: not a {file.suffix} file")
@@ -272,16 +274,26 @@ def _rigid(q: Vector, t: Vector) -> Array:
 # --- the robot ------------------------------------------------------------------------------------
 
 
-def _mounting(bag: AnyReader, topic: str) -> Array:
+def _mounting(path: Path, bag: AnyReader, topic: str) -> Array:
     """T_base_lidar by the static transforms; identity where none leads from a base to the cloud."""
     frame = next((m.header.frame_id for m, _ in _messages(bag, topic) if _is_message(m)), None)
-    static = [c for c in bag.connections if c.topic == "/tf_static" and c.msgtype == TF]
-    for connection, _, raw in bag.messages(connections=static) if static else ():
-        message: Any = bag.deserialize(raw, connection.msgtype)
-        for link in message.transforms:
-            if link.child_frame_id == frame and "base" in link.header.frame_id:
-                return _rigid(link.transform.rotation, link.transform.translation)
+    for link in _static_links(path, bag):
+        if link.child_frame_id == frame and "base" in link.header.frame_id:
+            T_base_lidar = _rigid(link.transform.rotation, link.transform.translation)
+            if not np.isfinite(T_base_lidar).all():
+                raise InputError(f"{path}: /tf_static: the sensor's place is not finite")
+            return T_base_lidar
     return np.eye(4)
+
+
+def _static_links(path: Path, bag: AnyReader) -> Iterator[Any]:
+    static = [c for c in bag.connections if c.topic == "/tf_static" and c.msgtype == TF]
+    try:
+        for connection, _, raw in bag.messages(connections=static) if static else ():
+            message: Any = bag.deserialize(raw, connection.msgtype)
+            yield from message.transforms
+    except Exception as error:  # as in _opened
+        raise InputError(f"{path}: /tf_static: cannot be taken apart: {_line(error)}") from error
 
 
 def _is_message(message: Message | BadCloud) -> TypeGuard[Message]:

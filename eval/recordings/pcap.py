@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from slam.core import InputError
+from slam.plainfile import size_of
 
 logger = logging.getLogger(__name__)
 
@@ -103,6 +104,7 @@ def is_pcap(start: bytes) -> bool:
 
 def opened(path: Path) -> BinaryIO:
     """A file to read from. Raises InputError where it cannot be read."""
+    size_of(path)
     try:
         return path.open("rb")
     except OSError as error:

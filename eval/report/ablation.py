@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
-from eval.files import read_bytes, read_text, write_text
+from eval.files import read_bytes, read_csv, write_text
 from eval.report import html
 from eval.report.run import REPORT_FILE
 from slam.core import InputError
@@ -33,5 +32,5 @@ def ablation_page(folder: Path) -> str:
 
 
 def _table(path: Path) -> html.Table:
-    rows = list(csv.reader(read_text(path).splitlines()))
+    rows = read_csv(path)
     return html.Table(path.name, rows[0] if rows else (), rows[1:])

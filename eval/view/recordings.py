@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from slam.core import InputError
+from slam.plainfile import size_of
 
 MAGIC = b"RRF"
 
@@ -25,6 +26,7 @@ def recording_of(run: Path) -> Path:
 
 def check_recording(path: Path) -> None:
     """Raises InputError for what is no recording, is cut off, or is of another version."""
+    size_of(path)
     with path.open("rb") as file:
         start = file.read(len(MAGIC))
     if start != MAGIC:

@@ -35,6 +35,7 @@ from eval.outputs import read_metrics, read_ply, read_tum, write_metrics, write_
 from eval.pointfile import read_cloud, thinned
 from eval.recordings import open_recording
 from eval.recordings.labels import LabelsFile, LabelsWriter
+from eval.report.ablation import ablation_page
 from eval.report.run import read_run, run_page
 from eval.roomtable import RoomRow, write_rooms
 from eval.roomtable import read_rooms as read_room_table
@@ -237,6 +238,10 @@ KINDS: dict[str, Kind] = {
     "map.ply": Kind(_of_run("map.ply"), read_ply, False),
     "rooms table": Kind(_of_run("rooms.csv"), read_room_table),
     **{f"page of {name}": Kind(_of_run(name), _page) for name in PAGE},
+    "ablation table": Kind(
+        _saved("table.csv", "variant,ate_m\nplanes,0.01\n"),
+        lambda path: ablation_page(path.parent),
+    ),
     "results": Kind(_of_run("metrics.json"), lambda path: read_results(path.parent)),
     "rooms": Kind(_saved("rooms.json", ROOMS), read_rooms),
     "dsg": Kind(_dsg, read_dsg),

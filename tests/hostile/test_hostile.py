@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
 from collections.abc import Callable, Iterator
@@ -72,7 +73,7 @@ def test_spoilt_files_are_read_or_refused_in_one_line(name: str, tmp_path: Path)
 
 @pytest.mark.parametrize("name", KINDS)
 def test_what_is_no_file_is_refused(name: str, tmp_path: Path) -> None:
-    """Absent, a folder, a link to itself, a link to nowhere."""
+    """Absent, a folder, a link to itself, a link to nowhere, a pipe, what never ends."""
     kind = KINDS[name]
     path = kind.make(tmp_path)
     hindrances: list[Callable[[], object]] = [
@@ -80,6 +81,8 @@ def test_what_is_no_file_is_refused(name: str, tmp_path: Path) -> None:
         path.mkdir,
         lambda: path.symlink_to(path),
         lambda: path.symlink_to(tmp_path / "nowhere"),
+        lambda: os.mkfifo(path),
+        lambda: path.symlink_to("/dev/zero"),
     ]
     optional = name == "page of truth.tum"  # a run without truth has none
     for place, hinder in enumerate(hindrances):

@@ -4,6 +4,7 @@ from synthetic import ELEVATIONS, base_pose, box_planes, scan_box
 
 from slam.core import Scan, inverse, pose, so3_exp, so3_log, transform_plane, transform_points
 from slam.extraction import ExtractionConfig, extract_planes
+from slam.localplanes import LocalPlaneConfig, LocalPlanes
 from slam.tracking import PlaneTracker
 
 BOX = box_planes(6.0, 4.0, 2.7)
@@ -92,16 +93,15 @@ def test_without_planes_the_odometry_is_passed_on():
 
 def test_what_is_not_seen_for_long_is_forgotten():
     rng = np.random.default_rng(3)
-    tracker = PlaneTracker()
+    known = LocalPlanes(LocalPlaneConfig())
     scan = scan_box(BOX, base_pose(3, 2, 0), rng)
-    tracker.track(scan, np.eye(4))
     origin = T_BASE_LIDAR[:3, 3]
     planes = extract_planes(scan.points + origin, scan.ring, origin, ExtractionConfig())
-    tracker.learn(planes)
-    assert len(tracker._planes) == len(planes) == 5
+    known.learn(planes, np.eye(4))
+    assert len(list(known)) == len(planes) == 5
     for _ in range(41):
-        tracker.learn(())
-    assert tracker._planes == []
+        known.learn((), np.eye(4))
+    assert not list(known)
 
 
 def test_the_synthetic_beams_are_those_of_the_sensor():

@@ -22,7 +22,15 @@ from shapely.geometry.base import BaseGeometry
 
 from worlds.drafting import as_multipolygon
 from worlds.fields import Field
-from worlds.plan import CEILING_WHERE_UNKNOWN, Opening, Plan, RoomOutline, Storey
+from worlds.plan import (
+    CEILING_WHERE_UNKNOWN,
+    MAX_ROOMS,
+    MAX_STOREYS,
+    Opening,
+    Plan,
+    RoomOutline,
+    Storey,
+)
 from worlds.readers.bodies import Body, build_up
 from worlds.readers.roomset import kind_of, sound_rooms
 from worlds.readers.trees import member, members, number, text
@@ -53,7 +61,7 @@ def floorplan(root: Field, path: Path) -> Plan:
     InputError that names file, field and what was expected."""
     if text(root, "units").lower() not in ("", *METRE):
         member(root, "units").wrong("metre")
-    fields = member(root, "storeys").items()
+    fields = member(root, "storeys").items(MAX_STOREYS)
     drawn = [field for field in fields if members(field, "rooms") and members(field, "walls")]
     if not drawn:
         member(root, "storeys").fail("expected at least one storey with rooms and walls")
@@ -90,7 +98,8 @@ def _storey(field: Field, storeys: Sequence[Field], path: Path) -> Storey:
     if tangled(np.array([body.footprint for body in bodies], dtype=object)):
         member(field, "walls").fail("expected walls, found outlines that cross without end")
     walls = build_up(bodies, _holes(field, storeys, z_floor), height)
-    rooms = [room for i, item in enumerate(members(field, "rooms")) for room in _room(item, i)]
+    drawn = member(field, "rooms").items(MAX_ROOMS)
+    rooms = [room for i, item in enumerate(drawn) for room in _room(item, i)]
     return Storey(
         name=text(field, "name") or field.path,
         z_floor=z_floor,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slam.core import InputError
+from slam.plainfile import size_of
 
 HEAD = 4096
 """Bytes that tell what a file is."""
@@ -74,9 +75,10 @@ def _but(found: str | None) -> str:
 
 def _head(path: Path) -> tuple[bytes, int]:
     """The first bytes of a file, and its size."""
+    size = size_of(path)
     try:
         with path.open("rb") as file:
-            return file.read(HEAD), path.stat().st_size
+            return file.read(HEAD), size
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 

@@ -21,7 +21,7 @@ from worlds.drafting import as_multipolygon
 from worlds.plan import Opening, Plan, RoomOutline, Storey
 from worlds.readers.bodies import Body, Walls, build_up
 from worlds.readers.freeareas import free_areas
-from worlds.readers.ifcfile import Building, Element
+from worlds.readers.ifcfile import SHAPELESS, Building, Element
 from worlds.readers.ifcprocess import read_apart
 from worlds.readers.options import DEFAULT, ReaderOptions
 from worlds.readers.outlines import projected
@@ -62,6 +62,9 @@ def read_ifc(path: Path, options: ReaderOptions = DEFAULT) -> Plan:
     _check_size(path, building, options)
     if not building.spaces:
         log.warning("%s: no IfcSpace: no room truth, the rooms are what walls enclose", path)
+    shapeless = dict(building.left_out).get(SHAPELESS, 0)
+    if shapeless:
+        log.warning("%s: %d %s: left out", path, shapeless, SHAPELESS)
     found = [_storey(path, level, building) for level in _levels(building)]
     kept = [storey for storey in found if storey.rooms and not storey.walls.is_empty]
     if not kept:

@@ -21,6 +21,9 @@ MAX_NESTING = 20
 """Spaces within spaces that are followed up to their storey."""
 MAX_ELEMENTS = 200_000
 """Most walls, spaces and openings."""
+SHAPELESS = "walls, spaces or openings without a shape that can be drawn"
+MAX_TRIANGLES = 2_000_000
+"""Most triangles of them all."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def _building(path: Path, model: ifcopenshell.file, unit: str | None) -> Buildin
         raise InputError(f"{path}: IfcWall: expected at least one wall, found none")
     if len(wanted.kinds) > MAX_ELEMENTS:
         raise InputError(f"{path}: expected at most {MAX_ELEMENTS} walls, spaces and openings")
-    declared = _declared_unit(model)
+    declared = _declared_unit(path, model)
     scale = unit_scale(unit) if unit is not None else (declared or 1.0)
     # ifcopenshell has applied the declared unit.
     found = _triangulated(path, model, wanted, scale / (declared or 1.0))
@@ -114,6 +117,8 @@ def _open(path: Path) -> ifcopenshell.file:
 
 
 def _reason(error: Exception) -> str:
+    if isinstance(error, AttributeError | TypeError):
+        return "an entity refers to nothing, or to one of another kind"
     return (str(error).splitlines() or [type(error).__name__])[0][:120]
 
 
@@ -187,21 +192,24 @@ def _above(space: ifcopenshell.entity_instance) -> str:
 def _left_out(model: ifcopenshell.file, shapeless: int) -> tuple[tuple[str, int], ...]:
     kinds = ("IfcFurnishingElement", "IfcStair", "IfcRamp", "IfcRailing")
     counts = [(kind, len(model.by_type(kind))) for kind in kinds]
-    counts.append(("walls, spaces or openings without a shape", shapeless))
+    counts.append((SHAPELESS, shapeless))
     return tuple((kind, count) for kind, count in counts if count)
 
 
 # --- geometry ------------------------------------------------------------------------------------
 
 
-def _declared_unit(model: ifcopenshell.file) -> float | None:
+def _declared_unit(path: Path, model: ifcopenshell.file) -> float | None:
     """Metres per unit of length of the file."""
     import ifcopenshell.util.unit
 
     units = [u for a in model.by_type("IfcUnitAssignment") for u in a.Units]
     if not any(getattr(unit, "UnitType", None) == "LENGTHUNIT" for unit in units):
         return None
-    return float(ifcopenshell.util.unit.calculate_unit_scale(model))
+    scale = float(ifcopenshell.util.unit.calculate_unit_scale(model))
+    if not 0.0 < scale < np.inf:
+        raise InputError(f"{path}: IfcUnitAssignment: expected a unit of length, found {scale:g} m")
+    return scale
 
 
 def _triangulated(
@@ -213,13 +221,17 @@ def _triangulated(
     settings.set("use-world-coords", True)
     settings.set("disable-opening-subtractions", True)
     entities = [model.by_id(i) for i in wanted.kinds]
-    found = []
+    found: list[Element] = []
+    count = 0
     iterator = ifcopenshell.geom.iterator(settings, model, 1, include=entities)
     proceed = bool(iterator.initialize())
     while proceed:
         element = _element(model, iterator.get(), wanted, factor)
         if element is not None:
             found.append(element)
+            count += len(element.triangles)
+        if count > MAX_TRIANGLES:
+            raise InputError(f"{path}: expected at most {MAX_TRIANGLES} triangles")
         proceed = bool(iterator.next())
     if any(not np.isfinite(element.vertices).all() for element in found):
         raise InputError(f"{path}: expected finite coordinates, found NaN or infinity")

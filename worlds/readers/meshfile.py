@@ -12,6 +12,7 @@ import numpy as np
 from slam.core import Array, InputError, IntArray
 from worlds.readers.collada import Triangles, read_collada
 from worlds.readers.formats import format_of
+from worlds.readers.glbfile import check_glb
 from worlds.readers.options import ReaderOptions
 from worlds.readers.units import scale_to_metres, size_text
 
@@ -79,7 +80,10 @@ def _through_trimesh(path: Path, suffix: str) -> Triangles:
     """The triangles as trimesh reads them; textures and files that it refers to are not opened."""
     import trimesh
 
-    data = io.BytesIO(path.read_bytes())
+    content = path.read_bytes()
+    if suffix == "glb":
+        check_glb(content, path)
+    data = io.BytesIO(content)
     try:
         if suffix == "obj":
             scene = trimesh.load_scene(data, suffix, process=False, skip_materials=True)
@@ -92,7 +96,7 @@ def _through_trimesh(path: Path, suffix: str) -> Triangles:
         raise InputError(f"{path}: expected a mesh that fits into memory") from error
     except Exception as error:
         # Whatever a foreign parser stumbles over in a broken file is the file's fault.
-        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        reason = str(error).splitlines()[0][:120] if str(error) else "its parts do not fit"
         raise InputError(f"{path}: expected {suffix.upper()}: {reason}") from error
 
 

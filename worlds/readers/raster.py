@@ -12,6 +12,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from slam.core import Array, InputError
+from slam.plainfile import size_of
 from worlds.drafting import as_multipolygon
 
 MAX_PIXELS = 20_000_000
@@ -38,6 +39,7 @@ def read_image(path: Path) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int]
     """
     from PIL import Image as Pillow
 
+    size_of(path)
     try:
         with Pillow.open(path, formats=("PPM", "PNG")) as image:
             if image.width * image.height > MAX_PIXELS:

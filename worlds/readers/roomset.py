@@ -14,7 +14,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from slam.core import InputError
 from worlds.drafting import as_multipolygon
-from worlds.plan import RoomOutline
+from worlds.plan import MAX_NEIGHBOURS, RoomOutline
 
 LEAST = 0.1
 """Rooms with less free space are left out [m2]."""
@@ -73,7 +73,10 @@ def _parted(rooms: Sequence[RoomOutline], free: np.ndarray, source: str) -> list
     outlines = [room.outline for room in rooms]
     tree = STRtree(outlines)
     neighbours = (sorted(tree.query(room.outline, "intersects").tolist()) for room in rooms)
-    for i, j in ((i, j) for i, near in enumerate(neighbours) for j in near if i < j):
+    pairs = ((i, j) for i, near in enumerate(neighbours) for j in near if i < j)
+    for count, (i, j) in enumerate(pairs):
+        if count > MAX_NEIGHBOURS:
+            raise InputError(f"{source}: expected rooms side by side, found them without end")
         shared = free[i].intersection(free[j]).area
         least = min(free[i].area, free[j].area)
         if shared > max(SHARED, SHARED_PART * least):

@@ -47,7 +47,8 @@ def unit_scale(unit: str) -> float:
 
 def size_text(extent: Array) -> str:
     """An extent as people read it: ``58.6 x 45.7 x 2.8 m``."""
-    return " x ".join(f"{side:.3g}" if side < 1.0 else f"{side:.1f}" for side in extent) + " m"
+    sides = (f"{side:.1f}" if 1.0 <= side < 1e6 else f"{side:.3g}" for side in extent)
+    return " x ".join(sides) + " m"
 
 
 def plausible(extent: Array) -> bool:
