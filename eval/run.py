@@ -88,7 +88,7 @@ class _Clock:
 
 @dataclass
 class _Parts:
-    """Everything that one run is wired from."""
+    """Everything that one run is wired from. scans: taken so far, with those that had no return."""
 
     place: Place
     steps: Iterable[Step]
@@ -98,6 +98,7 @@ class _Parts:
     guard: Guard
     keeper: TruthKeeper
     sink: Sink
+    scans: int = 0
 
 
 def run(
@@ -187,6 +188,7 @@ def _loop(parts: _Parts, clock: _Clock, progress: Progress | None) -> None:
     for step in parts.steps:
         for stage, seconds in step.seconds.items():
             clock.add(stage, seconds)
+        parts.scans = step.frame.index + 1
         started = time.perf_counter()
         loops = len(parts.backend.loops)
         changed = parts.backend.add(step.frame)
@@ -247,7 +249,9 @@ def _finish(parts: _Parts, proposals: Proposals, facts: RunFacts, folder: Path) 
     )
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(backend.stamps()[-1]) - parts.keeper.start
-    facts = replace(facts, simulated_s=simulated_s, loops=_loops(parts))
+    facts = replace(
+        facts, simulated_s=simulated_s, scans_skipped=_skipped(parts), loops=_loops(parts)
+    )
     if facts.status != "failed":
         consistency = score_consistency(record, scores.planes.votes, backend.graph())
         facts = replace(facts, consistency=consistency)
@@ -266,6 +270,13 @@ def _finish(parts: _Parts, proposals: Proposals, facts: RunFacts, folder: Path) 
     write_metrics(metrics, folder / "metrics.json")
     write_report(folder)
     return metrics
+
+
+def _skipped(parts: _Parts) -> int:
+    """Bad scans of a recording, and sweeps without a return."""
+    recording = parts.place.recording
+    bad = 0 if recording is None else recording.skipped
+    return bad + parts.scans - len(parts.backend.stamps())
 
 
 def _loops(parts: _Parts) -> Loops:
@@ -291,7 +302,7 @@ def _facts(config: RunConfig, place: Place, failure: BaseException | None) -> Ru
         scene=config.scene,
         scene_sha256=place.sha256,
         seed=config.seed,
-        sensor=config.sensor if place.simulated else None,
+        sensor=config.sensor if place.recording is None else None,
         conditions=place.conditions,
         detector=config.detector,
         layers=config.layers,
