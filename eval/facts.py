@@ -32,7 +32,7 @@ def run_facts(config: RunConfig, place: Place, failure: BaseException | None) ->
         scene=config.scene,
         scene_sha256=place.sha256,
         seed=config.seed,
-        sensor=config.sensor if place.simulated else None,
+        sensor=config.sensor if place.recording is None else None,
         conditions=place.conditions,
         detector=config.detector,
         layers=config.layers,

@@ -29,7 +29,9 @@ def finish(parts: Parts, proposals: Proposals, facts: RunFacts, folder: Path) ->
     record = _record(parts, proposals)
     scores = score_run(record, _surface(parts.place))
     simulated_s = float(record.estimate.stamps[-1]) - parts.keeper.start
-    facts = replace(facts, simulated_s=simulated_s, loops=_loops(parts))
+    facts = replace(
+        facts, simulated_s=simulated_s, scans_skipped=_skipped(parts), loops=_loops(parts)
+    )
     if facts.status != "failed":
         consistency = score_consistency(record, scores.planes.votes, parts.backend.graph())
         facts = replace(facts, consistency=consistency)
@@ -38,6 +40,13 @@ def finish(parts: Parts, proposals: Proposals, facts: RunFacts, folder: Path) ->
     write_metrics(metrics, folder / "metrics.json")
     write_report(folder)
     return metrics
+
+
+def _skipped(parts: Parts) -> int:
+    """Bad scans of a recording, and sweeps without a return."""
+    recording = parts.place.recording
+    bad = 0 if recording is None else recording.skipped
+    return bad + parts.scans - len(parts.backend.stamps())
 
 
 def _record(parts: Parts, proposals: Proposals) -> RunRecord:

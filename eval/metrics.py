@@ -111,8 +111,9 @@ class Latency:
 class RunFacts:
     """What a run knows of itself, beside its scores.
 
-    status: complete | cut_off | failed; error: one line where it failed; wall_s: of the loop alone;
-    startup_s: before it; versions: package -> version; sensor, conditions: None of a recording.
+    status: complete | cut_off | failed; error: one line where it failed; scans_skipped: bad ones of
+    a recording, and sweeps without a return; wall_s: of the loop alone; startup_s: before it;
+    versions: package -> version; sensor, conditions: None of a recording.
     """
 
     status: str
@@ -128,6 +129,7 @@ class RunFacts:
     versions: Mapping[str, str] = field(default_factory=dict)
     error: str | None = None
     simulated_s: float | None = None
+    scans_skipped: int | None = None
     startup_s: float | None = None
     wall_s: float | None = None
     loops: Loops = Loops()
@@ -154,6 +156,7 @@ class Metrics:
     odometry: str
     versions: Mapping[str, str]
     simulated_s: float | None
+    scans_skipped: int | None
     startup_s: float | None
     wall_s: float | None
     real_time_factor: float | None
@@ -207,6 +210,7 @@ def assemble(facts: RunFacts, scores: Scores) -> Metrics:
         odometry=facts.odometry,
         versions=dict(facts.versions),
         simulated_s=facts.simulated_s,
+        scans_skipped=facts.scans_skipped,
         startup_s=facts.startup_s,
         wall_s=facts.wall_s,
         real_time_factor=_real_time_factor(facts),

@@ -19,10 +19,11 @@ from slam.frontend import FrontEnd
 from slam.loops import LoopConfig
 
 
-@dataclass(frozen=True)
+@dataclass
 class Parts:
     """Everything that one run is wired from. steps: of the front end, one a scan; replay: whether
-    they come from a file; duration: about how long they go on [s]."""
+    they come from a file; duration: about how long they go on [s]; scans: taken so far, with those
+    that had no return."""
 
     place: Place
     steps: Iterable[Step]
@@ -32,26 +33,27 @@ class Parts:
     guard: Guard
     keeper: TruthKeeper
     sink: Sink
+    scans: int = 0
 
 
 def wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequence[Sink]) -> Parts:
     """Builds the place and makes every part of a run of it. Raises InputError."""
     place = make_place(config)
     keeper = TruthKeeper(UNKNOWN if place.truth is None else place.truth)
-    steps, duration, replay = _front_end(config, place, keeper, truth_filter)
+    steps, duration, replay = front_end(config, place, keeper, truth_filter)
     return Parts(
         place=place,
         steps=steps,
         replay=replay,
         duration=duration,
-        backend=BackEnd(_back_end_config(config)),
+        backend=BackEnd(back_end_config(config)),
         guard=Guard(make_detector(config.detector, keeper)),
         keeper=keeper,
         sink=make_sink(config, config.folder, watchers),
     )
 
 
-def _back_end_config(config: RunConfig) -> BackEndConfig:
+def back_end_config(config: RunConfig) -> BackEndConfig:
     """What a run's options ask of the back end."""
     return BackEndConfig(
         layers=config.layers,
@@ -60,8 +62,8 @@ def _back_end_config(config: RunConfig) -> BackEndConfig:
     )
 
 
-def _front_end(
-    config: RunConfig, place: Place, keeper: TruthKeeper, truth_filter: TruthFilter | None
+def front_end(
+    config: RunConfig, place: Place, keeper: TruthKeeper, truth_filter: TruthFilter | None = None
 ) -> tuple[Iterable[Step], float, bool]:
     """The steps of a run, about how long they go on [s], and whether they are replayed."""
     path = artefact_path(config)

@@ -80,6 +80,7 @@ def _loop(parts: Parts, clock: Clock, progress: Progress | None) -> None:
     for step in parts.steps:
         for stage, seconds in step.seconds.items():
             clock.add(stage, seconds)
+        parts.scans = step.frame.index + 1
         _map(parts, step, clock)
         if step.scan is not None:
             known = bool(np.isfinite(step.truth.T_world_base).all())

@@ -14,7 +14,7 @@ import numpy as np
 
 from eval.config import RunConfig
 from eval.detectors import make_odometry
-from eval.recordings import RecordingOptions, is_recording, open_recording
+from eval.recordings import Recording, RecordingOptions, is_recording, open_recording
 from eval.recordings.drive import RecordedDrive
 from eval.recordings.labels import LabelsFile
 from eval.registered import RegisteredAhead
@@ -48,14 +48,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Place:
-    """What a run goes through. truth and mesh: None where nobody knows them; simulated: as the run
-    asked for it, and not recorded; sha256: of the plan or the recording; conditions: under which it
-    was built; source: makes the scans.
+    """What a run goes through. truth and mesh: None where nobody knows them; recording: None where
+    the place is simulated; sha256: of the plan or the recording; conditions: under which it was
+    built; source: makes the scans.
     """
 
     truth: Truth | None
     mesh: Mesh | None
-    simulated: bool
+    recording: Recording | None
     sha256: str
     conditions: str | None
     source: Callable[[], Source]
@@ -72,7 +72,7 @@ def make_place(config: RunConfig) -> Place:
     return Place(
         truth=world.truth,
         mesh=world.mesh,
-        simulated=True,
+        recording=None,
         sha256=scene_sha256(config.scene),
         conditions=config.conditions or world.plan.conditions,
         source=lambda: make_source(config, world, registered=True),
@@ -153,7 +153,7 @@ def _recorded_place(config: RunConfig) -> Place:
     return Place(
         truth=None if world is None else world.truth,
         mesh=None if world is None else world.mesh,
-        simulated=False,
+        recording=recording,
         sha256=_sha256(path),
         conditions=None,
         source=lambda: RecordedDrive(recording, config.duration, labels),

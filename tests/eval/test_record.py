@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,13 @@ from eval.config import RunConfig
 from eval.metrics import Metrics
 from eval.outputs import read_metrics, read_tum, write_tum
 from eval.recordings import open_recording
+from eval.recordings.bags import BagRecording
+from eval.recordings.clouds import BadCloud
 from eval.recordings.labels import LabelsFile
 from eval.run import RunResult, run
 from eval.source import make_source, make_world
 from eval.trajectory import Trajectory
-from slam.core import InputError, RunError
+from slam.core import InputError, RunError, Scan
 
 pytest.importorskip("rosbags")
 
@@ -76,6 +79,22 @@ def test_with_labels_a_recording_scores_as_the_live_run(
     assert replayed.metrics.sensor is None
     for name in ("trajectory.tum", "odometry.tum", "truth.tum", "map.ply", "graph.json"):
         assert (replayed.folder / name).read_bytes() == (live.folder / name).read_bytes()
+
+
+def test_bad_scans_of_a_recording_are_counted(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good = BagRecording._scans
+
+    def spoiled(recording: BagRecording) -> Iterator[Scan | BadCloud]:
+        for scan in good(recording):
+            bad = isinstance(scan, Scan) and round(10 * scan.stamp) in (5, 6, 20)
+            yield BadCloud("spoiled") if bad else scan
+
+    monkeypatch.setattr(BagRecording, "_scans", spoiled)
+    replayed = again(bag, tmp_path, detector="none")
+    assert read_metrics(replayed.folder / "metrics.json").scans_skipped == 3
+    assert len(read_tum(replayed.folder / "trajectory.tum")) == 17
 
 
 def test_with_its_own_poses_a_recording_has_the_trajectory_s_scores(

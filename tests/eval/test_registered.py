@@ -11,6 +11,7 @@ from eval import registered
 from eval.config import RunConfig
 from eval.labels import TruthKeeper
 from eval.odometry_study import StudyCase, drive
+from eval.outputs import read_metrics
 from eval.registered import RegisteredAhead
 from eval.run import run
 from eval.source import AHEAD_FROM, make_drive, make_source, make_world
@@ -104,6 +105,17 @@ def test_a_sweep_without_returns_is_skipped_and_said(here, caplog):
             steps = list(live_steps(source, FrontEnd(odometry), TruthKeeper(short()._world.truth)))
         assert [step.frame.index for step in steps] == [0, 1, 3, 4]
         assert "sweeps without a single return, skipped: 1" in caplog.text
+
+
+def test_a_run_counts_the_sweeps_without_returns(monkeypatch, tmp_path):
+    config = RunConfig("SE1", duration=0.5, out=tmp_path / "run", detector="none")
+    given = [
+        (empty(scan) if scan.index == 2 else scan, truth)
+        for scan, truth in make_drive(config, make_world(config))
+    ]
+    monkeypatch.setattr("eval.source.make_drive", lambda config, world: _Given(given))
+    result = run(config)
+    assert read_metrics(result.folder / "metrics.json").scans_skipped == 1
 
 
 def test_a_run_in_which_nothing_was_ever_seen_fails(monkeypatch, tmp_path):

@@ -246,8 +246,9 @@ def test_the_picture_of_a_run_with_and_without_an_alignment(house, surface, tmp_
 
 
 KEYS = """schema, status, error, scene, scene_sha256, seed, sensor, conditions, detector, layers,
-factors, odometry, versions, simulated_s, startup_s, wall_s, real_time_factor, path_m, T_world_map,
-ate_m, ate_keyframes_m, ate_online_m, ate_origin_m, ate_xy_m, ate_z_m, yaw_deg, rpe_percent,
+factors, odometry, versions, simulated_s, scans_skipped, startup_s, wall_s, real_time_factor,
+path_m, T_world_map, ate_m, ate_keyframes_m, ate_online_m, ate_origin_m, ate_xy_m, ate_z_m,
+yaw_deg, rpe_percent,
 ate_odometry_m, ate_odometry_xy_m, rpe_odometry_percent, mma_m, mma_face_m, mma_floor_m,
 plane_rmse_m, map_completeness, planes{mapped, mixed, duplicates, faces_seen}, rooms{truth,
 entered, detected, true_positive, precision, recall, centre_precision, centre_recall, mean_iou,
