@@ -23,6 +23,8 @@ Pairs = tuple[IntArray, IntArray]
 """Places of pieces, the first and the second of each pair."""
 LONGEST = 10_000.0
 """No wall is longer [m]."""
+SHORT_OF = 0.06
+"""Less than any wall is thick [m]."""
 FEW = 150
 """Up to so many pieces, looking at all pairs is faster than a tree."""
 
@@ -32,10 +34,11 @@ class PreprocessConfig:
     """Metres and radians. bin: along the plane, and min_count points in one for it to be occupied;
     gap: longest hole within a piece (doors are 1 m, an opening that joins rooms 2.5 m); min_length:
     of a piece; seen: least share of it with points; reach: how far a wall that was not seen to its
-    end is taken to go on; inside: how far from both ends of a piece a cut may lie; in_front: how
-    far a wall must stand out to cut; crossing: least angle between the two; wall: nothing that only
-    stands there is as long, and what is shorter [m] cuts if it was seen as_high (share) as what it
-    cuts: furniture does not make two pieces of the wall behind it; stub: least and largest hole
+    end is taken to go on, or across a door, where nothing stands between; inside: how far from both
+    ends of a piece a cut may lie; in_front: how far a wall must stand out to cut; crossing: least
+    angle between the two; wall: nothing that only stands there is as long, and what is shorter [m]
+    cuts if it was seen as_high (share) as what it cuts was about there: furniture does not make two
+    pieces of the wall behind it; about: how far along that is; stub: least and largest hole
     of a wall too short to be mapped, between stub_bins that were all seen, and stub_off: how far
     the holes in two faces may be from opposite each other; passage: widest that is looked at;
     duplicate_*: a piece is
@@ -47,12 +50,13 @@ class PreprocessConfig:
     gap: float = 1.8
     min_length: float = 0.35
     seen: float = 0.4
-    reach: float = 1.1
+    reach: float = 1.7
     inside: float = 0.25
     in_front: float = 0.3
     crossing: float = np.radians(30.0)
     wall: float = 0.8
     as_high: float = 0.7
+    about: float = 1.0
     stub: tuple[float, float] = (0.12, 0.5)
     stub_bins: int = 4
     stub_off: float = 0.2
@@ -123,10 +127,11 @@ class Preprocessor:
         pieces = joined([self._known[plane.id][1] for plane in upright])
         if len(pieces) == 0:
             return pieces
-        near = near_pairs(pieces, max(self._config.reach, self._config.duplicate_distance))
+        reach = max(self._config.reach, self._config.duplicate_distance)
+        near = near_pairs(pieces, 0.5 * reach)
         pieces, near = _without_duplicates(pieces, near, self._config)
         bins = _Bins({name: self._known[name][2] for name in np.unique(pieces.plane_id).tolist()})
-        which, at = _crossed(pieces, near, self._config)
+        which, at = _crossed(pieces, near, bins, self._config)
         holed, hole, barrier = _stubs(pieces, bins, self._config)
         which, at = np.concatenate([which, holed]), np.concatenate([at, hole])
         cut = _cut(pieces, which, at, self._config) if len(which) else pieces
@@ -136,10 +141,7 @@ class Preprocessor:
         """With the heights of what is left of each; without those that a cut has left with hardly
         more than a hole."""
         along = _along(pieces)
-        first, last = bins.places(pieces.plane_id, along)
-        count = last - first
-        total = np.cumsum(np.vstack([np.zeros(2), bins.heights]), axis=0)
-        height = (total[last] - total[first]) / np.maximum(count, 1)[:, None]
+        count, height = bins.between(pieces.plane_id, along)
         height = np.where(count[:, None] > 0, height, pieces.height)
         seen = count * self._config.bin > self._config.seen * (along[:, 1] - along[:, 0])
         kept = seen | (along[:, 1] - along[:, 0] >= self._config.gap)
@@ -151,14 +153,14 @@ class Preprocessor:
 
 
 class _Bins:
-    """Every bin of planes where they were seen, B in all. middle: (B,) along the plane [m];
-    heights: (B, 2) lowest and highest point [m]."""
+    """Every bin of planes where they were seen, B in all. middle: (B,) along the plane [m]."""
 
     def __init__(self, of_plane: Mapping[int, Array]):
         """of_plane: the bins (K, 3) of each plane, by ascending id."""
         self._ids = np.array(list(of_plane), dtype=np.int64)
         rows = np.concatenate(list(of_plane.values()))
-        self.middle, self.heights = rows[:, 0], rows[:, 1:]
+        self.middle = rows[:, 0]
+        self._total = np.cumsum(np.vstack([np.zeros(2), rows[:, 1:]]), axis=0)
         self._owner = np.repeat(np.arange(len(of_plane)), [len(k) for k in of_plane.values()])
         # Planes one behind the other on one line, so that one search finds all.
         self._key = self.middle + 4.0 * LONGEST * self._owner
@@ -168,6 +170,13 @@ class _Bins:
         shift = 4.0 * LONGEST * np.searchsorted(self._ids, plane_id)
         first, last = np.searchsorted(self._key, along.T + shift)
         return first, last
+
+    def between(self, plane_id: IntArray, along: Array) -> tuple[IntArray, Array]:
+        """How many bins (M,) there are between two places (M, 2) along planes (M,), and where they
+        were seen lowest and highest on average (M, 2) [m]; 0 where there are none."""
+        first, last = self.places(plane_id, along)
+        count = last - first
+        return count, (self._total[last] - self._total[first]) / np.maximum(count, 1)[:, None]
 
     def holes(self, config: PreprocessConfig) -> IntArray:
         """Bins after which there is a hole as wide as a wall is thick, all about it being seen."""
@@ -353,26 +362,60 @@ def _stubs(pieces: Pieces, bins: _Bins, config: PreprocessConfig) -> tuple[IntAr
     return np.array(which, dtype=np.int64), np.array(at), lines
 
 
-def _crossed(pieces: Pieces, near: Pairs, config: PreprocessConfig) -> tuple[IntArray, Array]:
+def _crossed(
+    pieces: Pieces, near: Pairs, bins: _Bins, config: PreprocessConfig
+) -> tuple[IntArray, Array]:
     """Pieces, and where [m] from their start, on whose front another one of a different direction
     stands."""
     i, j = near
     axis, length = _axes(pieces), pieces.length
     sine = np.abs(_dot(axis[j], pieces.normal[i]))
-    low, high = pieces.height.T
-    cutting = length[j] > config.wall
-    cutting |= high[j] - low[i] > config.as_high * (high[i] - low[i])
-    cutting &= sine > np.sin(config.crossing)
-    i, j, sine = i[cutting], j[cutting], sine[cutting]
+    i, j, sine = (column[sine > np.sin(config.crossing)] for column in (i, j, sine))
     away = pieces.segment[j] - pieces.segment[i, 0][:, None, :]
     height = np.einsum("pkc,pc->pk", away, pieces.normal[i])  # of j's ends above i's line
     along = np.einsum("pkc,pc->pk", away, axis[i])
     rise = height[:, 1] - height[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = along[:, 0] - height[:, 0] * (along[:, 1] - along[:, 0]) / rise
-    stands = (height.min(axis=1) < config.reach * sine) & (height.max(axis=1) > config.in_front)
-    cut = stands & (at > config.inside) & (at < length[i] - config.inside)
-    return i[cut], at[cut]
+    at = along[:, 0] - height[:, 0] * (along[:, 1] - along[:, 0]) / rise
+    least = height.min(axis=1)
+    stands = (least < config.reach * sine) & (height.max(axis=1) > config.in_front)
+    cut = np.flatnonzero(stands & (at > config.inside) & (at < length[i] - config.inside))
+    i, j, at = i[cut], j[cut], at[cut]
+    nearest = pieces.segment[j, height[cut].argmin(axis=1)]
+    free = (length[j] > config.wall) | _as_high(pieces, i, j, at, bins, config)
+    far = np.flatnonzero(free & (least[cut] > config.in_front))
+    foot = pieces.segment[i[far], 0] + at[far, None] * axis[i[far]]
+    free[far] = _in_sight(pieces, nearest[far], foot)
+    return i[free], at[free]
+
+
+def _as_high(
+    pieces: Pieces, i: IntArray, j: IntArray, at: Array, bins: _Bins, config: PreprocessConfig
+) -> NDArray[np.bool_]:
+    """(P,) was j seen about as high as i is about a place [m] from its start? How high depends on
+    how far away the robot was, which differs along a long face."""
+    along = _along(pieces)
+    middle = along[i, 0] + at
+    about = np.column_stack([middle - config.about, middle + config.about])
+    count, behind = bins.between(pieces.plane_id[i], about)
+    low, high = np.where(count[:, None] > 0, behind, pieces.height[i]).T
+    _, there = bins.between(pieces.plane_id[j], along[j])
+    return np.asarray(there[:, 1] - low > config.as_high * (high - low))
+
+
+def _in_sight(pieces: Pieces, start: Array, end: Array) -> NDArray[np.bool_]:
+    """(P,) does no piece cross the way from start to end (P, 2)?
+
+    Short of both by less than a wall is thick, so that neither piece is in its own way.
+    """
+    if len(start) == 0:
+        return np.zeros(0, dtype=bool)
+    way = end - start
+    step = SHORT_OF * way / np.linalg.norm(way, axis=1, keepdims=True)
+    lines = shapely.linestrings(np.stack([start + step, end - step], axis=1))
+    crossed, _ = shapely.STRtree(shapely.linestrings(pieces.segment)).query(lines, "intersects")
+    free = np.ones(len(start), dtype=bool)
+    free[crossed] = False
+    return free
 
 
 def near_pairs(pieces: Pieces, reach: float | Array, of: IntArray | None = None) -> Pairs:

@@ -6,25 +6,30 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import shapely
+
 from slam.core import PlanePiece, RoomProposal, WallProposal
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
     """overlap: least share of common length, of the longer and of the shorter one, for two rooms to
-    be one; patience: inferences without
+    be one; area: least share of the area of both that is common to both, for two rooms to be one
+    whose planes have become others; patience: inferences without
     evidence after which a room or wall is given up, and for which two known rooms stay two although
     they are found as one; taken: share of a missing room's pieces that others may have taken before
     it is given up at once, and of a known room that is in another one."""
 
     overlap: tuple[float, float] = (0.3, 0.5)
+    area: float = 0.5
     patience: int = 3
     taken: float = 0.5
 
 
 class RoomTracker:
-    """Matches found rooms to known ones by the length of wall that they share; one that was given
-    up and is found again gets its old id back.
+    """Matches found rooms to known ones by the length of wall that they share, and by where they
+    are, since planes may have been merged; one that was given up and is found again gets its old
+    id back.
 
     A room that comes as the very object it came as last time is known without looking.
     """
@@ -58,7 +63,9 @@ class RoomTracker:
         same = {id(room): name for name, room in self._sources.items()}
         names = [same.get(id(room)) for room in found]
         taken = set(names)
-        self._match(names, found, {n: r for n, r in self._known.items() if n not in taken})
+        missing = {n: room for n, room in self._known.items() if n not in taken}
+        self._match(names, found, missing)
+        self._match_areas(names, found, missing)
         self._match(names, found, self._retired)
         return [self._new() if name is None else name for name in names]
 
@@ -80,9 +87,27 @@ class RoomTracker:
                 of_longer, of_shorter = _likeness(room, rivals[name])
                 if of_longer >= least_long and of_shorter >= least_short:
                     scores.append((-of_longer, place, name))
-        for _, place, name in sorted(scores):
-            if names[place] is None and name not in names:
-                names[place] = name
+        _give(names, scores)
+
+    def _match_areas(
+        self,
+        names: list[int | None],
+        found: Sequence[RoomProposal],
+        rivals: Mapping[int, RoomProposal],
+    ) -> None:
+        """Gives found rooms that still have no name those of the rivals that lie where they do."""
+        mine = _outlines((place, found[place]) for place, name in enumerate(names) if name is None)
+        if not mine:
+            return
+        theirs = _outlines((name, rival) for name, rival in rivals.items() if name not in names)
+        scores = []
+        for place, outline in mine.items():
+            for name, other in theirs.items():
+                shared = outline.intersection(other).area if outline.intersects(other) else 0.0
+                share = shared / (outline.area + other.area - shared)
+                if share >= self._config.area:
+                    scores.append((-share, place, name))
+        _give(names, scores)
 
     def _believed(self, found: Sequence[RoomProposal]) -> list[RoomProposal]:
         """Without rooms that have only lately been found where several known ones are."""
@@ -125,6 +150,18 @@ class RoomTracker:
                 kept[name] = room
         self._missed = {name: self._missed.get(name, 0) + 1 for name in kept}
         return kept
+
+
+def _give(names: list[int | None], scores: Sequence[tuple[float, int, int]]) -> None:
+    """Gives each place the name that suits it best (least score), no name twice."""
+    for _, place, name in sorted(scores):
+        if names[place] is None and name not in names:
+            names[place] = name
+
+
+def _outlines(rooms: Iterable[tuple[int, RoomProposal]]) -> dict[int, shapely.Polygon]:
+    """The outlines of rooms that have one."""
+    return {name: shapely.Polygon(room.polygon) for name, room in rooms if room.polygon is not None}
 
 
 def _by_plane(rooms: Mapping[int, RoomProposal]) -> dict[int, list[int]]:

@@ -11,7 +11,6 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from eval.study import Operating, Row
     from semantics.train import TrainConfig
 
 Option = typer.Option
@@ -104,12 +103,15 @@ def _study(
 ) -> None:
     from eval.screen import RunProgress
     from eval.study import StudyConfig, study, write_study
+    from eval.studytables import STUDIED, TRAINED, concepts_table, edges_table
 
     default = StudyConfig()
     config = StudyConfig(layouts or default.layouts, epochs or default.epochs, seed)
     with RunProgress("study", _errors(), "%") as progress:
         rows = study(config, lambda _, share: progress(100.0 * share, 100.0))
-    console.print(_table(rows))
+    console.print(edges_table(rows, TRAINED))
+    console.print()
+    console.print(concepts_table(rows, STUDIED))
     path = write_study(rows, folder / "study.csv")
     console.print(str(path), markup=False, highlight=False, soft_wrap=True)
 
@@ -118,69 +120,28 @@ def _judge(console: Console, folder: Path) -> None:
     from eval.confusion import confusion_png
     from eval.study import Row, held_out, sweep
     from eval.study import judge as judged
+    from eval.studytables import JUDGED, concepts_table, edges_table, thresholds_table
     from semantics.detector import CONSERVATIVE, PRESETS
 
     tests = held_out(processes=2)
-    console.print(
-        _table(
-            [
-                Row("", name, "", "", family, judged(preset, drawn))
-                for family, drawn in tests.items()
-                for name, preset in PRESETS.items()
-            ]
-        )
-    )
+    rows = [
+        Row("", name, "", "", family, judged(preset, drawn))
+        for family, drawn in tests.items()
+        for name, preset in PRESETS.items()
+    ]
+    first = {preset.weights: name for name, preset in reversed(PRESETS.items())}
+    console.print(edges_table([row for row in rows if row.networks in first.values()], JUDGED))
+    console.print()
+    console.print(concepts_table(rows, JUDGED))
+    console.print()
     known = [sample for family, drawn in tests.items() if family != "fanned" for sample in drawn]
-    console.print(_thresholds(sweep(CONSERVATIVE, known)))
+    console.print(thresholds_table(sweep(CONSERVATIVE, known)))
     for family, drawn in tests.items():
         path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
         console.print(str(path), markup=False, highlight=False, soft_wrap=True)
-
-
-def _thresholds(rows: list[Operating]) -> object:
-    """Precision / recall of rooms and walls by the threshold of both."""
-    from rich.table import Table
-
-    table = Table(box=None)
-    for name in ("threshold", "rooms P / R", "walls P / R"):
-        table.add_column(name, justify="right")
-    for r in rows:
-        table.add_row(
-            f"{r.threshold:.2f}",
-            f"{r.room_precision:.3f} / {r.room_recall:.3f}",
-            f"{r.wall_precision:.3f} / {r.wall_recall:.3f}",
-        )
-    return table
 
 
 def _errors() -> Console:
     from rich.console import Console
 
     return Console(stderr=True)
-
-
-def _table(rows: list[Row]) -> object:
-    """Precision / recall of edges, rooms and walls, and calibration errors, by combination."""
-    from rich.table import Table
-
-    table = Table(box=None)
-    for name in ("buildings", "features", "networks", "training", "clustering"):
-        table.add_column(name)
-    for name in ("room edges", "wall edges", "rooms", "walls"):
-        table.add_column(f"{name} P / R", justify="right")
-    table.add_column("calibration", justify="right")
-    for row in sorted(rows, key=lambda row: row.family):
-        r = row.result
-        table.add_row(
-            row.family,
-            row.features,
-            row.networks,
-            row.training_set,
-            row.clustering,
-            f"{r.room_edge_precision:.3f} / {r.room_edge_recall:.3f}",
-            f"{r.wall_edge_precision:.3f} / {r.wall_edge_recall:.3f}",
-            f"{r.room_precision:.3f} / {r.room_recall:.3f}",
-            f"{r.wall_precision:.3f} / {r.wall_recall:.3f}",
-            f"{r.room_calibration:.3f} / {r.wall_calibration:.3f}",
-        )
-    return table

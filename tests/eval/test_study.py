@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import eval.study
 from eval.bench_semantics import room_map
-from eval.study import Result, Row, StudyConfig, _rooms, _walls, study, write_study
+from eval.study import Operating, Result, Row, StudyConfig, _rooms, _walls, study, write_study
+from eval.studytables import STUDIED, TRAINED, concepts_table, edges_table, thresholds_table
 from semantics.dataset import DatasetConfig, Sample
 from semantics.detector import CONSERVATIVE
 from semantics.preprocess import Preprocessor
@@ -49,6 +51,26 @@ def test_the_table_is_a_csv_with_a_line_for_each_row(tmp_path: Path) -> None:
         (line,) = csv.DictReader(stream)
     assert (line["features"], line["family"]) == ("paper", "sheared")
     assert float(line["room_edge_recall"]) == pytest.approx(0.1)
+
+
+def test_each_row_of_a_table_is_one_line_of_eighty_columns() -> None:
+    results = [Result(*np.linspace(0.0, 0.9, 10)), Result(*np.linspace(0.05, 0.95, 10))]
+    rows = [
+        Row("invariant", "two", "paper", clustering, family, result)
+        for family, result in zip(("right-angled", "sheared"), results, strict=True)
+        for clustering in ("cycles", "linkage")
+    ]
+    for table, lines in (
+        (edges_table(rows, TRAINED), 2),  # clustering makes no edges
+        (concepts_table(rows, STUDIED), 4),
+        (thresholds_table([Operating(0.5, 0.9, 0.8, 0.7, 0.6)]), 1),
+    ):
+        with (console := Console(width=80)).capture() as printed:
+            console.print(table)
+        head, *body = printed.get().splitlines()[1:]
+        assert len(body) == lines
+        assert "P     R" in head
+        assert "\N{HORIZONTAL ELLIPSIS}" not in printed.get()
 
 
 @pytest.mark.slow

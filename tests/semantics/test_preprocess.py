@@ -64,11 +64,39 @@ def test_furniture_does_not_cut_the_wall_behind_it():
     assert lengths([wall, counter]) == [2.0, 5.0, 5.0]
 
 
-def test_a_piece_is_as_high_as_its_own_stretch_of_the_plane_was_seen():
-    both = [plane(0, ((0, 0), (5, 0)), height=1.3), plane(0, ((5, 0), (10, 0)))]
-    points = np.vstack([part.points for part in both])
+def joined(*parts):
+    """One plane of the points of several in line."""
+    points = np.vstack([part.points for part in parts])
     ids = np.arange(len(points))
-    long = MapPlane(0, both[0].normal, both[0].d, points, ids, np.zeros(1, dtype=np.int64))
+    return MapPlane(0, parts[0].normal, parts[0].d, points, ids, np.zeros(1, dtype=np.int64))
+
+
+def test_how_high_a_wall_was_seen_is_told_by_the_stretch_that_is_cut():
+    low, high = plane(0, ((0, 0), (10, 0)), height=1.3), plane(0, ((10, 0), (20, 0)))
+    stub = plane(1, ((5.0, 0.1), (5.0, 0.6)), height=1.2)
+    assert lengths([joined(low, high), stub]) == [0.5, 5.0, 15.0]
+    further = plane(1, ((15.0, 0.1), (15.0, 0.6)), height=1.2)  # a cupboard there
+    assert lengths([joined(low, high), further]) == [0.5, 20.0]
+
+
+def test_a_wall_goes_on_across_a_door():
+    corridor = [plane(0, ((0, 0), (10, 0))), plane(1, ((10, 2), (0, 2)))]
+    stub = plane(2, ((5.0, 1.4), (5.0, 2.0)))
+    assert lengths([*corridor, stub]) == [0.6, 5.0, 5.0, 5.0, 5.0]
+    passage = [plane(0, ((0, 0), (10, 0))), plane(1, ((10, 2.5), (0, 2.5)))]
+    wide = plane(2, ((5.0, 1.9), (5.0, 2.5)))
+    assert lengths([*passage, wide]) == [0.6, 5.0, 5.0, 10.0]
+
+
+def test_no_wall_goes_on_through_another_face():
+    corridor = [plane(0, ((0, 0), (10, 0))), plane(1, ((10, 1.2), (0, 1.2)))]
+    beyond = plane(2, ((5.0, 1.3), (5.0, 5.0)))
+    assert lengths([*corridor, beyond]) == [3.7, 10.0, 10.0]
+    assert lengths([corridor[0], beyond]) == [3.7, 5.0, 5.0]
+
+
+def test_a_piece_is_as_high_as_its_own_stretch_of_the_plane_was_seen():
+    long = joined(plane(0, ((0, 0), (5, 0)), height=1.3), plane(0, ((5, 0), (10, 0))))
     pieces = Preprocessor()([long, plane(1, ((5.0, 0.1), (5.0, 4.0)))])
     left, right = sorted(pieces.take(pieces.plane_id == 0).height.tolist(), key=lambda h: h[1])
     assert left == pytest.approx([0.1, 1.1], abs=0.05)
@@ -77,25 +105,9 @@ def test_a_piece_is_as_high_as_its_own_stretch_of_the_plane_was_seen():
 
 def test_a_door_does_not_split_and_a_wide_opening_does():
     door = [plane(0, ((0, 0), (3, 0))), plane(1, ((4, 0), (8, 0)))]
-    both = MapPlane(
-        0,
-        door[0].normal,
-        door[0].d,
-        np.vstack([p.points for p in door]),
-        np.arange(sum(len(p.points) for p in door)),
-        np.zeros(1, dtype=np.int64),
-    )
-    assert lengths([both]) == [8.0]
+    assert lengths([joined(*door)]) == [8.0]
     far = plane(1, ((5.5, 0), (8, 0)))
-    wide = MapPlane(
-        0,
-        door[0].normal,
-        door[0].d,
-        np.vstack([door[0].points, far.points]),
-        np.arange(len(door[0].points) + len(far.points)),
-        np.zeros(1, dtype=np.int64),
-    )
-    assert lengths([wide]) == [2.5, 3.0]
+    assert lengths([joined(door[0], far)]) == [2.5, 3.0]
 
 
 def test_a_stray_point_does_not_move_an_end():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from semantics.tracker import RoomTracker, WallTracker
@@ -21,6 +23,19 @@ def test_a_room_keeps_its_id_while_its_walls_change_a_little():
     assert ids(tracker.update([room(0, 1, 2, 3)])) == [0]
     assert ids(tracker.update([room(1, 2, 3, 7)])) == [0]
     assert ids(tracker.update([room(9, 10, 11), room(1, 2, 3, 7)])) == [0, 1]
+
+
+def test_a_room_whose_planes_were_merged_is_known_by_where_it_is():
+    def at(x, *planes):
+        outline = np.array([[x, 0.0], [x + 4.0, 0.0], [x + 4.0, 3.0], [x, 3.0]])
+        return replace(room(*planes), polygon=outline)
+
+    tracker = RoomTracker()
+    assert ids(tracker.update([at(0.0, 0, 1, 2), at(5.0, 3, 4, 5)])) == [0, 1]
+    assert ids(tracker.update([at(0.2, 10, 11, 12), at(5.0, 3, 4, 5)])) == [0, 1]
+    above = at(5.0, 13, 14, 15)  # on the next storey
+    assert ids(tracker.update([at(0.2, 10, 11, 12), at(5.0, 3, 4, 5), above])) == [0, 1, 2]
+    assert ids(tracker.update([at(3.5, 20, 21, 22)])) == [0, 1, 2, 3]
 
 
 def test_a_room_missed_once_is_kept_and_one_missed_for_long_is_not():
