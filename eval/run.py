@@ -144,7 +144,7 @@ def _wire(config: RunConfig, truth_filter: TruthFilter | None, watchers: Sequenc
     """Builds the place and makes every part. Raises InputError."""
     place = make_place(config)
     keeper = TruthKeeper(UNKNOWN if place.truth is None else place.truth)
-    steps, duration, replay = _front_end(config, place, keeper, truth_filter)
+    steps, duration, replay = front_end(config, place, keeper, truth_filter)
     return _Parts(
         place=place,
         steps=steps,
@@ -166,8 +166,11 @@ def back_end_config(config: RunConfig) -> BackEndConfig:
     )
 
 
-def _front_end(
-    config: RunConfig, place: Place, keeper: TruthKeeper, truth_filter: TruthFilter | None
+def front_end(
+    config: RunConfig,
+    place: Place,
+    keeper: TruthKeeper,
+    truth_filter: TruthFilter | None = None,
 ) -> tuple[Iterable[Step], float, bool]:
     """The steps of a run, about how long they go on [s], and whether they are replayed."""
     path = artefact_path(config)
