@@ -43,7 +43,8 @@ def paper(
         Option("--beyond", help="Instead: worlds of other kinds, and each building condition."),
     ] = False,
     plans: Annotated[
-        str | None, Option(help="Plan files for --beyond, as a.json,b.json (these alone).")
+        str | None,
+        Option(help="For --beyond, these alone: plan files or folders of them, as a.json,plans."),
     ] = None,
     seeds: Annotated[
         str | None, Option(help=f"As 0,1,2 or 0-9 (default: {SEEDS}; quick: {QUICK_SEEDS}).")
@@ -74,7 +75,7 @@ def paper(
     folder = (out or Path("runs") / ("paper-quick" if quick else "paper")).absolute()
     asked = _Asked(folder, quick, parse_seeds(seeds or (QUICK_SEEDS if quick else SEEDS)))
     kind = FRESH if fresh else BEYOND if beyond else CATALOGUE
-    groups = asked.groups(kind, [part.strip() for part in plans.split(",")] if plans else None)
+    groups = asked.groups(kind, None if plans is None else plan_files(plans))
     for group in groups:
         check_runs(group.ablation)
     settings = SweepConfig(folder, workers, runner=RUN_AND_KEEP)
@@ -85,6 +86,17 @@ def paper(
     for error in dict.fromkeys(errors):
         line(screen, f"roomloop: failed ({errors.count(error)}): {error}")
     return 3 if errors else 0
+
+
+def plan_files(text: str) -> list[str]:
+    """What is listed; a folder stands for the plans in it. Raises InputError for one without."""
+    files: list[str] = []
+    for part in (Path(part.strip()) for part in text.split(",")):
+        found = sorted(map(str, part.glob("*.json"))) if part.is_dir() else [str(part)]
+        if not found:
+            refuse(f"plans: {part}: expected plan files (*.json), found none")
+        files += found
+    return files
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,16 @@ import numpy as np
 
 from eval.ablation import BOOTSTRAP_SEED, Level, Result
 from eval.bounds import Bound
-from eval.paper.published import HYDRA, NOT_PUBLISHED, REAL, SCENES, Claim, Values
-from eval.paper.study import CAUSES, DETECTORS, Measured
+from eval.paper.published import (
+    BASELINES,
+    NOT_PUBLISHED,
+    REAL,
+    SCENES,
+    WITHOUT_PLANES,
+    Claim,
+    Values,
+)
+from eval.paper.study import CAUSES, DETECTORS, ENTERED, Measured
 from eval.stats import Interval, bootstrap, mean_over_scenes
 from eval.tables import Sheet, number, signed, unit_of
 from slam.core import Array
@@ -70,7 +78,7 @@ def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
 def spread_of(result: Result, variant: str, metric: str) -> Spread | None:
     """The same of a variant; None for what does not apply: Hydra's rooms have no pieces (the scores
     can tell that only from runs in which it finds some)."""
-    if variant == HYDRA and metric in BY_PIECES:
+    if variant in WITHOUT_PLANES and metric in BY_PIECES:
         return None
     return spread(result.level(variant, metric))
 
@@ -134,13 +142,15 @@ class Column:
 
 
 def beside_sheet(title: str, result: Result, columns: Sequence[Column], digits: int = 2) -> Sheet:
-    """Scenes down, each column beside the paper's; at the end the means over scenes: the paper's
-    over those of these scenes that it has."""
+    """Scenes down, each column beside the paper's, unless it has nothing at all on these scenes; at
+    the end the means over scenes: the paper's over those of these scenes that it has."""
     scenes = result.ablation.scenes
     rows = [(scene, *_cells(result, columns, [scene], digits)) for scene in scenes]
     rows.append(("mean", *_cells(result, columns, scenes, digits)))
     head = ("scene", *(text for column in columns for text in column.head))
-    return Sheet(title, head, tuple(rows), frozenset({len(scenes)}))
+    sheet = Sheet(title, head, tuple(rows), frozenset({len(scenes)}))
+    unknown = (column for column in columns if not column.published.keys() & set(scenes))
+    return sheet.without(*(column.head[1] for column in unknown))
 
 
 def _cells(
@@ -158,7 +168,7 @@ def _cells(
 
 def claims_sheet(title: str, measured: Measured, claims: Sequence[Claim]) -> Sheet:
     """Relative differences, ours beside the text's; the interval is that of the paired mean."""
-    head = ("what", "variant", "against", "here %", "95 % interval", "pairs", "the paper says")
+    head = ("what", "variant", "against", "change %", "95 % interval", "pairs", "the paper says")
     rows = [_claim_row(measured, claim) for claim in claims]
     return Sheet(title, head, tuple(row for row in rows if row is not None))
 
@@ -208,14 +218,40 @@ def summary_sheet(title: str, result: Result) -> Sheet:
 
 
 def failures_sheet(title: str, result: Result) -> Sheet:
-    """How many rooms were missed and how many detections false over all runs, and why."""
-    head = ("method", *(cause.partition(".")[2].replace("_", ", ") for cause in CAUSES))
+    """How many of the rooms entered were missed and how many detections false over all runs, and
+    why."""
     rows = []
     for variant in result.ablation.variants:
-        levels = [result.level(variant.name, cause) for cause in CAUSES]
-        counts = [sum(np.nansum(values) for values in lv.values.values()) for lv in levels]
-        rows.append((variant.name, *(f"{count:.0f}" for count in counts)))
+        cells = [variant.name, f"{_total(result, variant.name, ENTERED):.0f}"]
+        for kind in ("missed", "false"):
+            causes = [cause for cause in CAUSES if cause.startswith(f"failures.{kind}_")]
+            counts = [_total(result, variant.name, cause) for cause in causes]
+            known = [_applies(variant.name, cause) for cause in causes]
+            cells.append(f"{sum(counts):.0f}")
+            cells += [
+                f"{n:.0f}" if applies else NONE for n, applies in zip(counts, known, strict=True)
+            ]
+        rows.append(tuple(cells))
+    head = ("method", "entered", "missed", *_names("missed"), "false", *_names("false"))
     return Sheet(title, head, tuple(rows))
+
+
+def _names(kind: str) -> list[str]:
+    start = f"failures.{kind}_"
+    return [f"{kind}: {cause.removeprefix(start)}" for cause in CAUSES if cause.startswith(start)]
+
+
+def _total(result: Result, variant: str, metric: str) -> float:
+    """Over all runs that have it."""
+    values = result.level(variant, metric).values.values()
+    return float(sum(np.nansum(of_scene) for of_scene in values))
+
+
+def _applies(variant: str, cause: str) -> bool:
+    """Can a cause be told of a method? Hydra uses no planes, the baselines have no edges."""
+    if cause.endswith("_planes"):
+        return variant not in WITHOUT_PLANES
+    return variant not in BASELINES or not cause.endswith("_edges")
 
 
 def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> Sheet:
@@ -229,7 +265,7 @@ def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> She
 
 
 def _precision_recall(result: Result, variant: str, scene: str) -> str:
-    rule = "centre_" if variant == HYDRA else ""
+    rule = "centre_" if variant in WITHOUT_PLANES else ""
     metrics = (f"rooms.{rule}{measure}" for measure in ("precision", "recall"))
     return " / ".join(number(result.level(variant, m).mean(scene), 1.0, 2) for m in metrics)
 

@@ -17,10 +17,12 @@ from eval.paper.published import (
     FIGURE_CLAIMS,
     GREEDY,
     HYDRA,
+    HYDRA_TUNED,
     OURS,
     REAL,
     ROOMS_ONLY,
     SGRAPHS,
+    SGRAPHS_TUNED,
     SIMULATED,
 )
 from eval.sweep.engine import State, SweepConfig, sweep
@@ -40,7 +42,9 @@ def _variant(name: str, detector: str, layers: str, factors: str = "paper") -> V
 
 DETECTORS = (
     _variant(HYDRA, "hydra", "planes"),
+    _variant(HYDRA_TUNED, "hydra-tuned", "planes"),
     _variant(SGRAPHS, "sgraphs", "rooms"),
+    _variant(SGRAPHS_TUNED, "sgraphs-tuned", "rooms"),
     _variant(OURS, "gnn", "rooms+walls"),
     _variant(GREEDY, "gnn-greedy", "rooms+walls"),
 )
@@ -54,7 +58,9 @@ CAUSES = tuple(
     for kind in ("missed", "false")
     for cause in ("unseen", "planes", "edges", "clustering")
 )
+ENTERED = "rooms.entered"
 METRICS = (
+    ENTERED,
     *("rooms.centre_precision", "rooms.centre_recall", "rooms.precision", "rooms.recall"),
     *("rooms.mean_iou", "rooms.piece_f1", "walls.precision", "walls.recall"),
     *("first_room_s", "room_latency_s.median", "room_latency_s.p95", "rooms.id_switches"),

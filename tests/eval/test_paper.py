@@ -12,6 +12,7 @@ from fakes import metrics_of
 
 from eval.ablation import BOOTSTRAP_SEED
 from eval.cli import main
+from eval.commands.paper import plan_files
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Metrics, Rooms, Walls
@@ -155,6 +156,13 @@ def test_beyond_has_worlds_conditions_and_the_users_plans() -> None:
     assert {config.scene for config in plan.ablation.configs} == {"mine/office.json"}
 
 
+def test_a_folder_stands_for_its_plans(tmp_path: Path) -> None:
+    for name in ("b.json", "a.json", "notes.txt"):
+        (tmp_path / name).touch()
+    expected = [str(tmp_path / "a.json"), str(tmp_path / "b.json"), "c.json"]
+    assert plan_files(f"{tmp_path}, c.json") == expected
+
+
 # --- what is said of them -------------------------------------------------------------------------
 
 
@@ -195,8 +203,8 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
     assert cell(ate, "mean", f"{SGRAPHS} (paper)") == "3.09"
     assert cell(ate, "SE3", OURS).startswith("2.00")
     assert cell(ate, "SE3", f"{OURS} (paper)") == "2.23"
-    real = sheets["ATE, real-condition scenes [cm] (Table IV)"]
-    assert cell(real, "mean", f"{OURS} (paper)") == "not published"
+    real = sheets["ATE, real-condition scenes [cm] (not published)"]
+    assert not [name for name in real.head if "(paper)" in name]
     mma = sheets["MMA [cm] (Table V)"]
     assert cell(mma, "mean", f"{OURS} (paper)") == "21.95"
     assert "SE1" not in {row[0] for row in mma.rows}
@@ -209,16 +217,23 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
 
 def test_relative_differences_are_of_the_means(paper: Measured) -> None:
     sheets = {sheet.title: sheet for sheet in report.catalogue_sheets(paper)}
-    claims = sheets["Relative differences of the text"]
+    claims = sheets["Relative differences of the text (a change down is for the better)"]
     asked = {"variant": OURS, "against": SGRAPHS}
-    assert cell(claims, "ATE", "here %", **asked) == "\N{MINUS SIGN}33.3"
+    assert cell(claims, "ATE", "change %", **asked) == "\N{MINUS SIGN}33.3"
     assert cell(claims, "ATE", "the paper says", **asked) == "6.8 % better"
-    assert cell(claims, "ATE, what walls add", "here %") == "0.0"
+    assert cell(claims, "ATE, what walls add", "change %") == "0.0"
 
 
 def test_failures_are_added_up(paper: Measured) -> None:
     sheet = failures_sheet("", paper.result())
-    assert sheet.rows[0][1:] == (str(9 * (0 + 1 + 2)),) * 8
+    each, all_four = str(9 * (0 + 1 + 2)), str(4 * 9 * (0 + 1 + 2))
+    assert cell(sheet, OURS, "entered") == str(9 * 3 * 8)
+    for kind in ("missed", "false"):
+        assert cell(sheet, OURS, kind) == all_four
+        assert cell(sheet, OURS, f"{kind}: edges") == each
+        assert cell(sheet, SGRAPHS, f"{kind}: planes") == each
+        assert cell(sheet, SGRAPHS, f"{kind}: edges") == "-"
+        assert cell(sheet, HYDRA, f"{kind}: planes") == "-"
 
 
 def test_a_method_without_planes_has_the_centre_rule_only(paper: Measured) -> None:
@@ -321,10 +336,12 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
         (["--fresh", "--beyond"], "fresh: expected --fresh or --beyond"),
         (["--plans", "a.json"], "plans: expected together with --beyond"),
         (["--beyond", "--plans", "none.json"], "none.json"),
+        (["--beyond", "--plans", "."], "plans: .: expected plan files"),
         (["--seeds", "x"], "seeds"),
     ],
 )
-def test_what_makes_no_sense_is_refused(flags, said, tmp_path: Path, capsys) -> None:
+def test_what_makes_no_sense_is_refused(flags, said, tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["paper", "--out", str(tmp_path / "out"), *flags]) == 2
     error = capsys.readouterr().err
     assert said in error
