@@ -50,7 +50,7 @@ SGRAPHS_AXES: Axes = (
     ("near", (1.0, 1.5)),
     ("votes", (2, 5)),
     ("aligned", (0.05, 0.2)),
-    ("centre", (0.5, 1.0)),
+    ("centre", (0.5, 1.0, 1.5)),
 )
 
 Config = TypeVar("Config", HydraConfig, SgraphsConfig)

@@ -199,8 +199,11 @@ def _panels(measured: Measured) -> list[Panel]:
 
 
 def _remarks(asked: _Asked, kind: str) -> list[str]:
-    seeds = ", ".join(map(str, asked.seeds))
-    of = "one drive each" if kind == FRESH else f"seeds {seeds}"
-    how = "The whole route of every scene" if not asked.quick else "A trial: 30 s of each drive"
-    command = f"`roomloop paper{'' if kind == CATALOGUE else f' --{kind}'}`"
-    return [f"{how}, {of}. Made by {command}; what the rows mean is told at the end."]
+    """What was run, by what."""
+    from eval.sweep.job import fingerprint
+
+    how = "A trial: 30 s of each drive" if asked.quick else "The whole route of every scene"
+    seeds = "one drive each" if kind == FRESH else f"seeds {', '.join(map(str, asked.seeds))}"
+    flags = "" if kind == CATALOGUE else f" --{kind}"
+    made = f"`roomloop paper{flags}`, code and weights {fingerprint()[:12]}"
+    return [f"{how}, {seeds}: {made}. What the rows mean is told at the end."]

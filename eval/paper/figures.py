@@ -40,7 +40,7 @@ def png_of(figure: Figure) -> bytes:
 
 def rooms_png(worlds: Sequence[tuple[str, Result]], methods: Sequence[str]) -> bytes:
     """By the centre rule, over all scenes and seeds of a kind of world: bars to the mean, lines of
-    one standard deviation, and marks at the largest and the smallest value."""
+    one standard deviation within 0 and 1, and marks at the largest and the smallest value."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 3.4 * len(worlds)), layout="constrained")
@@ -56,21 +56,27 @@ def rooms_png(worlds: Sequence[tuple[str, Result]], methods: Sequence[str]) -> b
 def _bars(ax: Axes, result: Result, methods: Sequence[str], metric: str) -> None:
     names = [method.replace(", ", ",\n") for method in methods]
     ax.set_xticks(range(len(methods)), names, fontsize=9)
-    ax.set_ylim(0.0, 1.14)
+    ax.set_ylim(0.0, 1.2)
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.grid(axis="y", color="#e5e5e5")
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     for place, method in enumerate(methods):
-        found = spread(result.level(method, metric))
+        level = result.level(method, metric)
+        found = spread(level)
         if found is None:
             ax.text(place, 0.03, "no detection", ha="center", fontsize=8, rotation=90)
             continue
         ax.bar(place, found.mean, width=0.6, color=BARS[place % len(BARS)])
-        ax.errorbar(place, found.mean, yerr=found.deviation, color="#222222", capsize=4, lw=1.2)
+        ends = np.array([[found.mean], [1.0 - found.mean]])
+        deviation = np.minimum(found.deviation or 0.0, ends)
+        ax.errorbar(place, found.mean, yerr=deviation, color="#222222", capsize=4, lw=1.2)
         ax.plot([place, place], [found.low, found.high], "_", color="#b2182b", ms=14, mew=1.6)
-        ax.text(place, 1.04, f"{found.mean:.2f}", ha="center", fontsize=9)
+        runs = sum(map(len, level.values.values()))
+        ax.text(place, 1.05, f"{found.mean:.2f}", ha="center", fontsize=9)
+        if found.count < runs:
+            ax.text(place, 1.13, f"{found.count} of {runs} runs", ha="center", fontsize=7)
 
 
 # --- two scenes -----------------------------------------------------------------------------------

@@ -31,8 +31,10 @@ from eval.paper.sheets import (
     against_sheet,
     bars_sheet,
     beside_sheet,
+    causes_sheet,
     claims_sheet,
     failures_sheet,
+    groups_sheet,
     per_scene_sheet,
     rooms_sheet,
     scenes_sheet,
@@ -179,13 +181,11 @@ def fresh_sheets(measured: Measured, paper: Measured | None) -> list[Sheet]:
 
 
 def beyond_sheets(measured: Sequence[Measured]) -> list[Sheet]:
-    """A summary and the failures of every group."""
-    sheets = []
-    for part in measured:
-        result, name = part.result(), part.group.name
-        sheets.append(summary_sheet(name, result))
-        sheets.append(failures_sheet(f"{name}: missed and false rooms by cause", result))
-    return sheets
+    """All groups beside one another, and then one after the other."""
+    groups = [(part.group.name, part.result()) for part in measured]
+    title = "Rooms, precision / recall by the centre rule"
+    sheets = [groups_sheet(title, groups), causes_sheet("Missed and false rooms by cause", groups)]
+    return sheets + [summary_sheet(name, result) for name, result in groups]
 
 
 def report_text(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,7 @@ ROOM_RULES = (
     ("recall, by pieces", "rooms.recall"),
 )
 BY_PIECES = ("rooms.precision", "rooms.recall")
+CENTRE_RULE = ("rooms.centre_precision", "rooms.centre_recall")
 
 
 # --- spread ---------------------------------------------------------------------------------------
@@ -121,7 +122,8 @@ def rooms_sheet(result: Result, world: str) -> Sheet:
             if found is None:
                 continue
             numbers = (number(v, 1.0, 2) for v in (found.deviation, found.low, found.high))
-            rows.append((variant.name, name, _shown(found), *numbers, str(found.count)))
+            count = f"{found.count} of {len(result.ablation.scenes) * len(result.ablation.seeds)}"
+            rows.append((variant.name, name, _shown(found), *numbers, count))
     title = f"Rooms, {world} scenes (the paper's values stand in a picture only)"
     return Sheet(title, head, tuple(rows), frozenset(rules[1:]))
 
@@ -220,25 +222,39 @@ def summary_sheet(title: str, result: Result) -> Sheet:
 def failures_sheet(title: str, result: Result) -> Sheet:
     """How many of the rooms entered were missed and how many detections false over all runs, and
     why."""
-    rows = []
-    for variant in result.ablation.variants:
-        cells = [variant.name, f"{_total(result, variant.name, ENTERED):.0f}"]
-        for kind in ("missed", "false"):
-            causes = [cause for cause in CAUSES if cause.startswith(f"failures.{kind}_")]
-            counts = [_total(result, variant.name, cause) for cause in causes]
-            known = [_applies(variant.name, cause) for cause in causes]
-            cells.append(f"{sum(counts):.0f}")
-            cells += [
-                f"{n:.0f}" if applies else NONE for n, applies in zip(counts, known, strict=True)
-            ]
-        rows.append(tuple(cells))
-    head = ("method", "entered", "missed", *_names("missed"), "false", *_names("false"))
-    return Sheet(title, head, tuple(rows))
+    names = [variant.name for variant in result.ablation.variants]
+    rows = tuple((name, *_failures(result, name)) for name in names)
+    return Sheet(title, ("method", *FAILURES_HEAD), rows)
+
+
+def causes_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
+    """The same of groups of runs: those of ours, then those of the other methods."""
+    names = [variant.name for variant in groups[0][1].ablation.variants]
+    names.sort(key=lambda name: name in BASELINES)
+    rows = [(name, group, *_failures(result, name)) for name in names for group, result in groups]
+    rules = frozenset(range(len(groups), len(rows), len(groups)))
+    return Sheet(title, ("method", "what", *FAILURES_HEAD), tuple(rows), rules)
+
+
+def _failures(result: Result, variant: str) -> list[str]:
+    cells = [f"{_total(result, variant, ENTERED):.0f}"]
+    for kind in ("missed", "false"):
+        causes = [cause for cause in CAUSES if cause.startswith(f"failures.{kind}_")]
+        counts = [_total(result, variant, cause) for cause in causes]
+        cells.append(f"{sum(counts):.0f}")
+        cells += [
+            f"{count:.0f}" if _applies(variant, cause) else NONE
+            for count, cause in zip(counts, causes, strict=True)
+        ]
+    return cells
 
 
 def _names(kind: str) -> list[str]:
     start = f"failures.{kind}_"
     return [f"{kind}: {cause.removeprefix(start)}" for cause in CAUSES if cause.startswith(start)]
+
+
+FAILURES_HEAD = ("entered", "missed", *_names("missed"), "false", *_names("false"))
 
 
 def _total(result: Result, variant: str, metric: str) -> float:
@@ -264,10 +280,34 @@ def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> She
     return Sheet(title, ("scene", *variants), tuple(rows))
 
 
+def groups_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
+    """Rooms of groups of runs, which share their methods: means, by centres."""
+    variants = [variant.name for variant in groups[0][1].ablation.variants]
+    rows = [
+        (
+            name,
+            *(
+                _pair(_mean(result, variant, metric) for metric in CENTRE_RULE)
+                for variant in variants
+            ),
+        )
+        for name, result in groups
+    ]
+    return Sheet(title, ("what", *variants), tuple(rows))
+
+
+def _mean(result: Result, variant: str, metric: str) -> float | None:
+    found = spread(result.level(variant, metric))
+    return None if found is None else found.mean
+
+
+def _pair(values: Iterable[float | None]) -> str:
+    return " / ".join(number(value, 1.0, 2) for value in values)
+
+
 def _precision_recall(result: Result, variant: str, scene: str) -> str:
-    rule = "centre_" if variant in WITHOUT_PLANES else ""
-    metrics = (f"rooms.{rule}{measure}" for measure in ("precision", "recall"))
-    return " / ".join(number(result.level(variant, m).mean(scene), 1.0, 2) for m in metrics)
+    metrics = CENTRE_RULE if variant in WITHOUT_PLANES else BY_PIECES
+    return _pair(result.level(variant, metric).mean(scene) for metric in metrics)
 
 
 def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> Sheet:

@@ -218,9 +218,14 @@ def measure(
 
 
 def already_measured(group: Group, folder: Path) -> Measured | None:
-    """A group as an earlier sweep of the folder left it; None unless it is whole."""
-    jobs = [Job(config) for config in group.ablation.configs]
+    """A group as earlier sweeps of the folder left it, with as many of its seeds as are whole; None
+    without any."""
+    ablation = group.ablation
+    jobs = [Job(config) for config in ablation.configs]
     found = read_rows(folder, [job.key for job in jobs])
-    if any(job.key not in found for job in jobs):
+    missing = {job.config.seed for job in jobs if job.key not in found}
+    seeds = tuple(seed for seed in ablation.seeds if seed not in missing)
+    if not seeds:
         return None
-    return Measured(group, {job.config: found[job.key] for job in jobs})
+    rows = {job.config: found[job.key] for job in jobs if job.config.seed in seeds}
+    return Measured(replace(group, ablation=replace(ablation, seeds=seeds)), rows)

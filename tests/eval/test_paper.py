@@ -36,7 +36,8 @@ from eval.paper.sheets import failures_sheet, rooms_sheet, spread, summary_sheet
 from eval.paper.study import Measured
 from eval.score_failures import Failures
 from eval.stats import bootstrap
-from eval.sweep.job import Row
+from eval.sweep.job import Job, Row
+from eval.sweep.store import open_store
 from eval.tables import Sheet
 from worlds.catalogue import load_scene, scene_counts
 
@@ -184,6 +185,8 @@ def test_runs_without_a_value_are_left_out_and_counted(paper: Measured) -> None:
     assert found is not None
     assert found.count == 3 * (len(REAL) - 1)
     assert spread(level, ["RC2F2"]) is None
+    rooms = rooms_sheet(paper.result(REAL), "real")
+    assert cell(rooms, HYDRA, "runs", measure="precision, centre rule") == "9 of 12"
 
 
 def test_one_drive_a_building_has_its_interval_over_buildings(tmp_path: Path) -> None:
@@ -249,6 +252,33 @@ def test_fresh_buildings_stand_against_the_catalogue(paper: Measured, tmp_path: 
     alone, both = report.fresh_sheets(part, None), report.fresh_sheets(part, paper)
     assert len(both) == len(alone) + 1
     assert [row[0] for row in alone[1].rows] == ["b0", "b1", "b2"]
+
+
+def test_the_catalogue_counts_with_the_seeds_that_were_run(paper: Measured, tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        for config, row in paper.rows.items():
+            if config.seed < 2 or config.scene == "SE1":
+                store.add(Job(config), row)
+    found = study.already_measured(paper.group, tmp_path)
+    assert found is not None
+    assert found.group.ablation.seeds == (0, 1)
+    level = (OURS, "rooms.recall")
+    values = paper.result().level(*level).values
+    assert found.result().level(*level).values == {s: v[:2] for s, v in values.items()}
+    assert study.already_measured(paper.group, tmp_path / "none") is None
+
+
+def test_groups_stand_beside_one_another() -> None:
+    groups = study.beyond((0, 1), BASE, quick=True)
+    rooms, causes, *summaries = report.beyond_sheets([measured_of(group) for group in groups])
+    names = [group.name for group in groups]
+    assert [row[0] for row in rooms.rows] == names
+    assert [sheet.title for sheet in summaries] == names
+    angled = summary_sheet("", measured_of(groups[0]).result())
+    means = [cell(angled, OURS, f"rooms {what} (centre)")[:4] for what in "PR"]
+    assert cell(rooms, "World angled", OURS) == " / ".join(means)
+    assert causes.rows[0][:3] == (OURS, "World angled", "16")
+    assert [row[1] for row in causes.rows] == names * len(study.DETECTORS)
 
 
 # --- pictures and files ---------------------------------------------------------------------------
