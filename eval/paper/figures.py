@@ -117,7 +117,8 @@ def scenes_png(panels: Sequence[Panel]) -> bytes:
             if panel.method == OURS:
                 _draw_walls(row[len(own)], panel)
     figure.suptitle(
-        "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found",
+        "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found "
+        "or not entered",
         fontsize=11,
     )
     return png_of(figure)

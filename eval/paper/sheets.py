@@ -32,6 +32,7 @@ ROOM_RULES = (
     ("recall, by pieces", "rooms.recall"),
 )
 BY_PIECES = ("rooms.precision", "rooms.recall")
+SHARES = ("precision", "recall", "mean_iou", "piece_f1")
 CENTRE_RULE = ("rooms.centre_precision", "rooms.centre_recall")
 
 
@@ -64,22 +65,32 @@ def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
         return None
     every = np.concatenate(list(samples.values()))
     single = max(map(len, samples.values())) == 1
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
     return Spread(
         mean=mean_over_scenes(samples),
         deviation=float(every.std(ddof=1)) if len(every) > 1 else None,
         low=float(every.min()),
         high=float(every.max()),
-        interval=bootstrap(
-            {"": every} if single else samples, np.random.default_rng(BOOTSTRAP_SEED)
-        ),
+        interval=_within(bootstrap({"": every} if single else samples, rng), level.metric),
         count=len(every),
     )
 
 
+def _within(interval: Interval | None, metric: str) -> Interval | None:
+    """No metric is negative, and a share is at most 1; a bootstrap of few runs knows neither."""
+    if interval is None:
+        return None
+    most = 1.0 if metric.endswith(SHARES) else np.inf
+    low, high = (float(np.clip(end, 0.0, most)) for end in (interval.low, interval.high))
+    return Interval(low, high)
+
+
 def spread_of(result: Result, variant: str, metric: str) -> Spread | None:
     """The same of a variant; None for what does not apply: Hydra's rooms have no pieces (the scores
-    can tell that only from runs in which it finds some)."""
+    can tell that only from runs in which it finds some), and the baselines look for no walls."""
     if variant in WITHOUT_PLANES and metric in BY_PIECES:
+        return None
+    if variant in BASELINES and metric.startswith("walls."):
         return None
     return spread(result.level(variant, metric))
 

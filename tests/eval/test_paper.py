@@ -29,6 +29,7 @@ from eval.paper.published import (
     ROOMS_ONLY,
     SCENES,
     SGRAPHS,
+    SGRAPHS_TUNED,
     SIMULATED,
     WALL_RECALL,
 )
@@ -179,6 +180,22 @@ def test_a_spread_is_over_runs_and_its_interval_over_seeds(paper: Measured) -> N
     assert found.interval == bootstrap(samples, np.random.default_rng(BOOTSTRAP_SEED))
 
 
+def test_intervals_of_shares_end_at_one(paper: Measured) -> None:
+    values = {"SE1": (1.0,), "SE2": (1.0,), "SE3": (0.5,)}
+    for metric, most in (("rooms.recall", 1.0), ("first_room_s", np.inf)):
+        found = spread(replace(paper.result(SIMULATED).level(OURS, metric), values=values))
+        assert found is not None
+        assert found.interval is not None
+        assert found.mean < found.interval.high <= most
+        assert (found.interval.high > 1.0) == (most > 1.0)
+
+
+def test_the_baselines_have_no_walls(paper: Measured) -> None:
+    summary = summary_sheet("", paper.result())
+    assert cell(summary, SGRAPHS, "walls R") == "-"
+    assert cell(summary, OURS, "walls R").startswith("0.80")
+
+
 def test_runs_without_a_value_are_left_out_and_counted(paper: Measured) -> None:
     level = paper.result(REAL).level(HYDRA, "rooms.centre_precision")
     found = spread(level)
@@ -213,6 +230,7 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
     assert "SE1" not in {row[0] for row in mma.rows}
     first = sheets["First room, simulated scenes [s] (Table III)"]
     assert cell(first, "mean", f"{SGRAPHS} (paper)") == "77.8"
+    assert first.head[3:5] == (SGRAPHS_TUNED, OURS)
     assert cell(first, "SE1", OURS).startswith("2.0 [")
     walls = sheets["Walls, real-condition scenes (Table II)"]
     assert cell(walls, "RC1F2", "recall (paper)") == "0.75"
