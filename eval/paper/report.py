@@ -7,6 +7,7 @@ from pathlib import Path
 
 from eval.ablation import Result
 from eval.bounds import Bound
+from eval.paper.failures import causes_sheet, failures_sheet
 from eval.paper.figures import Panel, rooms_caption, walls_caption
 from eval.paper.published import (
     ATE,
@@ -32,9 +33,7 @@ from eval.paper.sheets import (
     against_sheet,
     bars_sheet,
     beside_sheet,
-    causes_sheet,
     claims_sheet,
-    failures_sheet,
     groups_sheet,
     per_scene_sheet,
     rooms_sheet,

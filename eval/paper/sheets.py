@@ -18,7 +18,7 @@ from eval.paper.published import (
     Claim,
     Values,
 )
-from eval.paper.study import CAUSES, DETECTORS, ENTERED, Measured
+from eval.paper.study import DETECTORS, Measured
 from eval.stats import Interval, bootstrap, mean_over_scenes
 from eval.tables import Sheet, number, signed, unit_of
 from slam.core import Array
@@ -228,57 +228,6 @@ def summary_sheet(title: str, result: Result) -> Sheet:
         rows.append((variant.name, *cells, str(failed)))
     head = ("method", *(name for name, _ in SUMMARY), "failed runs")
     return Sheet(title, head, tuple(rows))
-
-
-def failures_sheet(title: str, result: Result) -> Sheet:
-    """How many of the rooms entered were missed and how many detections false over all runs, and
-    why."""
-    names = [variant.name for variant in result.ablation.variants]
-    rows = tuple((name, *_failures(result, name)) for name in names)
-    return Sheet(title, ("method", *FAILURES_HEAD), rows)
-
-
-def causes_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
-    """The same of groups of runs: those of ours, then those of the other methods."""
-    names = [variant.name for variant in groups[0][1].ablation.variants]
-    names.sort(key=lambda name: name in BASELINES)
-    rows = [(name, group, *_failures(result, name)) for name in names for group, result in groups]
-    rules = frozenset(range(len(groups), len(rows), len(groups)))
-    return Sheet(title, ("method", "what", *FAILURES_HEAD), tuple(rows), rules)
-
-
-def _failures(result: Result, variant: str) -> list[str]:
-    cells = [f"{_total(result, variant, ENTERED):.0f}"]
-    for kind in ("missed", "false"):
-        causes = [cause for cause in CAUSES if cause.startswith(f"failures.{kind}_")]
-        counts = [_total(result, variant, cause) for cause in causes]
-        cells.append(f"{sum(counts):.0f}")
-        cells += [
-            f"{count:.0f}" if _applies(variant, cause) else NONE
-            for count, cause in zip(counts, causes, strict=True)
-        ]
-    return cells
-
-
-def _names(kind: str) -> list[str]:
-    start = f"failures.{kind}_"
-    return [f"{kind}: {cause.removeprefix(start)}" for cause in CAUSES if cause.startswith(start)]
-
-
-FAILURES_HEAD = ("entered", "missed", *_names("missed"), "false", *_names("false"))
-
-
-def _total(result: Result, variant: str, metric: str) -> float:
-    """Over all runs that have it."""
-    values = result.level(variant, metric).values.values()
-    return float(sum(np.nansum(of_scene) for of_scene in values))
-
-
-def _applies(variant: str, cause: str) -> bool:
-    """Can a cause be told of a method? Hydra uses no planes, the baselines have no edges."""
-    if cause.endswith("_planes"):
-        return variant not in WITHOUT_PLANES
-    return variant not in BASELINES or not cause.endswith("_edges")
 
 
 def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> Sheet:

@@ -17,6 +17,7 @@ from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Metrics, Rooms, Walls
 from eval.paper import report, study
+from eval.paper.failures import failures_sheet
 from eval.paper.figures import Panel, centre_matches, rooms_caption, rooms_png, scenes_png
 from eval.paper.published import (
     ATE,
@@ -33,7 +34,7 @@ from eval.paper.published import (
     SIMULATED,
     WALL_RECALL,
 )
-from eval.paper.sheets import failures_sheet, rooms_sheet, spread, summary_sheet
+from eval.paper.sheets import rooms_sheet, spread, summary_sheet
 from eval.paper.study import Measured
 from eval.score_failures import Failures
 from eval.stats import bootstrap
