@@ -63,8 +63,9 @@ REAL_AIMS = (Bound("rooms.precision", ">=", 0.95), Bound("rooms.recall", ">=", 0
 NOTES = (
     "A mean is over seeds, then over scenes; [..] is its 95 % bootstrap interval over the seeds "
     "(over the buildings where each is driven once); * marks an interval clear of zero. Deviation, "
-    "minimum and maximum are over all runs. A precision without any detection is left out of its "
-    "mean. The paper's means are over the same scenes, as far as it has them.",
+    "minimum and maximum are over all runs. A precision without any detection, and the time of a "
+    "first room that was never found, are left out of their means. The paper's means are over the "
+    "same scenes, as far as it has them.",
     "Centre rule: a detection is true if its centre lies in the room, one to one. It also fits "
     "Hydra, which knows no planes, and is used wherever Hydra is compared. By pieces: most planes "
     "must belong to the room, too; a room of two planes earns half, as in the paper.",
