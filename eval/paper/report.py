@@ -60,6 +60,8 @@ AIMS = (
 """Of ours on the simulated scenes."""
 REAL_AIMS = (Bound("rooms.precision", ">=", 0.95), Bound("rooms.recall", ">=", 0.85))
 
+IN_SHORT = "Rooms in short: precision / recall by the centre rule"
+
 NOTES = (
     "A mean is over seeds, then over scenes; [..] is its 95 % bootstrap interval over the seeds "
     "(over the buildings where each is driven once); * marks an interval clear of zero. Deviation, "
@@ -94,7 +96,8 @@ NOTES = (
 def catalogue_sheets(measured: Measured) -> list[Sheet]:
     """Every table of the paper that there are runs for."""
     simulated, real = measured.of(SIMULATED), measured.of(REAL)
-    sheets = [scenes_sheet((*simulated, *real))]
+    kinds = [(f"{world} scenes", measured.result(scenes)) for world, scenes in worlds(measured)]
+    sheets = [scenes_sheet((*simulated, *real)), groups_sheet(IN_SHORT, kinds)]
     for world, scenes in worlds(measured):
         sheets.append(rooms_sheet(measured.result(scenes), world))
     sheets.append(
@@ -185,9 +188,9 @@ def fresh_sheets(measured: Measured, paper: Measured | None) -> list[Sheet]:
 def beyond_sheets(measured: Sequence[Measured]) -> list[Sheet]:
     """All groups beside one another, and then one after the other."""
     groups = [(part.group.name, part.result()) for part in measured]
-    title = "Rooms, precision / recall by the centre rule"
-    sheets = [groups_sheet(title, groups), causes_sheet("Missed and false rooms by cause", groups)]
-    return sheets + [summary_sheet(name, result) for name, result in groups]
+    causes = causes_sheet("Missed and false rooms by cause", groups)
+    summaries = [summary_sheet(name, result) for name, result in groups]
+    return [groups_sheet(IN_SHORT, groups), causes, *summaries]
 
 
 def report_text(

@@ -233,6 +233,8 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
     assert cell(first, "mean", f"{SGRAPHS} (paper)") == "77.8"
     assert first.head[3:5] == (SGRAPHS_TUNED, OURS)
     assert cell(first, "SE1", OURS).startswith("2.0 [")
+    short = sheets[report.IN_SHORT]
+    assert [row[0] for row in short.rows] == ["simulated scenes", "real-condition scenes"]
     walls = sheets["Walls, real-condition scenes (Table II)"]
     assert cell(walls, "RC1F2", "recall (paper)") == "0.75"
 
