@@ -123,11 +123,14 @@ class _Asked:
 
     def _fresh_files(self) -> list[Path]:
         from eval.paper import study
+        from eval.sweep.store import open_store
         from semantics.detector import CONSERVATIVE
 
         count = study.QUICK_FRESH if self.quick else study.FRESH
         plans = study.fresh_plans(study.fresh_seed(CONSERVATIVE.weights), count)
-        return study.write_plans(plans, self.folder / "fresh-plans")
+        with open_store(self.folder) as store:  # a folder with plans alone would not be a sweep's
+            store.plan([])
+            return study.write_plans(plans, self.folder / "fresh-plans")
 
 
 # --- what is written ------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from fakes import metrics_of
 
 from eval.ablation import BOOTSTRAP_SEED
 from eval.cli import main
-from eval.commands.paper import plan_files
+from eval.commands.paper import _Asked, plan_files
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Metrics, Rooms, Walls
@@ -41,6 +41,7 @@ from eval.stats import bootstrap
 from eval.sweep.job import Job, Row
 from eval.sweep.store import open_store
 from eval.tables import Sheet
+from slam.core import InputError
 from worlds.catalogue import load_scene, scene_counts
 
 BASE = RunConfig("SE1", cache=Path("front-ends"))
@@ -362,6 +363,8 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
 
     def sweep(configs, settings, watch):
         assert settings.runner == "eval.paper.keep:run_and_keep"
+        with open_store(settings.folder) as store:
+            store.plan([])
         return [Row(c, "complete", None, 1.0, stub(c)) for c in configs]
 
     monkeypatch.setattr(study, "sweep", sweep)
@@ -379,6 +382,20 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
     assert "The recordings of its real scenes are not public" in text
     assert "| SE3 | Hydra RS |" in text
     assert "paper.md" in capsys.readouterr().out
+
+
+def test_fresh_buildings_are_put_into_a_new_folder_and_used_again(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "out"
+    asked = _Asked(out, True, (0,))
+    scenes = [asked.groups("fresh")[0].ablation.scenes for _ in range(2)]
+    assert scenes[0] == scenes[1]
+    assert all(Path(scene).parent == out / "fresh-plans" for scene in scenes[0])
+    with open_store(out) as store:  # a sweep takes the folder for its own
+        assert store.folder == out
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").touch()
+    with pytest.raises(InputError, match=r"holds files but no sweep\.json"):
+        _Asked(tmp_path / "notes", True, (0,)).groups("fresh")
 
 
 @pytest.mark.parametrize(
