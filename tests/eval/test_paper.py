@@ -371,16 +371,18 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
     monkeypatch.setattr("eval.paper.keep.kept_graph", lambda config: graph)
     out = tmp_path / "out"
     out.mkdir()
-    for flags in ([], ["--fresh"], ["--beyond"]):
+    plan = study.write_plans(study.fresh_plans(1, 1), tmp_path)[0]
+    for flags in ([], ["--fresh"], ["--beyond"], ["--beyond", "--plans", str(plan)]):
         assert main(["paper", "--quick", "--out", str(out), *flags]) == 0
     names = {path.name for path in out.iterdir() if path.is_file()}
     assert {
-        f"{kind}.{end}" for kind in ("paper", "fresh", "beyond") for end in ("md", "tex")
+        f"{kind}.{end}" for kind in ("paper", "fresh", "beyond", "plans") for end in ("md", "tex")
     } <= names
     assert {"paper-rooms.png", "paper-scenes.png", "fresh-rooms.png", "paper.csv"} <= names
     text = (out / "paper.md").read_text()
     assert "The recordings of its real scenes are not public" in text
     assert "| SE3 | Hydra RS |" in text
+    assert "| Plan fresh-00 |" in (out / "plans.md").read_text()
     assert "paper.md" in capsys.readouterr().out
 
 
