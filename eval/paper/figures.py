@@ -56,6 +56,7 @@ def rooms_png(worlds: Sequence[tuple[str, Result]], methods: Sequence[str]) -> b
 def _bars(ax: Axes, result: Result, methods: Sequence[str], metric: str) -> None:
     names = [method.replace(", ", ",\n") for method in methods]
     ax.set_xticks(range(len(methods)), names, fontsize=9)
+    ax.set_xlim(-0.6, len(methods) - 0.4)
     ax.set_ylim(0.0, 1.2)
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.grid(axis="y", color="#e5e5e5")
