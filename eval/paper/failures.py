@@ -42,7 +42,7 @@ def causes_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
 
 
 def _failures(result: Result, variant: str) -> list[str]:
-    cells = [f"{_total(result, variant, ENTERED):.0f}"]
+    cells = [f"{_entered(result, variant):.0f}"]
     for kind in ("missed", "false"):
         causes = _causes(kind)
         counts = [_total(result, variant, cause) for cause in causes]
@@ -52,6 +52,13 @@ def _failures(result: Result, variant: str) -> list[str]:
             for count, cause in zip(counts, causes, strict=True)
         ]
     return cells
+
+
+def _entered(result: Result, variant: str) -> float:
+    """Rooms of the runs that could be judged."""
+    rooms, judged = (result.level(variant, metric).values for metric in (ENTERED, CAUSES[0]))
+    known = [~np.isnan(of_scene) for of_scene in judged.values()]
+    return float(sum(np.array(r)[k].sum() for r, k in zip(rooms.values(), known, strict=True)))
 
 
 def _total(result: Result, variant: str, metric: str) -> float:

@@ -67,7 +67,8 @@ NOTES = (
     "(over the buildings where each is driven once); * marks an interval clear of zero. Deviation, "
     "minimum and maximum are over all runs. A precision without any detection, and the time of a "
     "first room that was never found, are left out of their means. The paper's means are over the "
-    "same scenes, as far as it has them.",
+    "same scenes, as far as it has them. '-': nothing to judge, or a drive so short and straight "
+    "that it cannot be aligned with the truth.",
     "Centre rule: a detection is true if its centre lies in the room, one to one. It also fits "
     "Hydra, which knows no planes, and is used wherever Hydra is compared. By pieces: most planes "
     "must belong to the room, too; a room of two planes earns half, as in the paper.",

@@ -261,6 +261,17 @@ def test_failures_are_added_up(paper: Measured) -> None:
         assert cell(sheet, HYDRA, f"{kind}: planes") == "-"
 
 
+def test_rooms_of_runs_that_cannot_be_judged_are_not_counted(paper: Measured) -> None:
+    config = next(c for c in paper.rows if c.detector == "gnn" and c.seed == 2)
+    row = paper.rows[config]
+    assert row.metrics is not None
+    blind = replace(row, metrics=replace(row.metrics, failures=Failures()))
+    sheet = failures_sheet("", replace(paper, rows={**paper.rows, config: blind}).result())
+    variant = next(v for v in study.VARIANTS if v.of(replace(config, seed=2)) == config)
+    assert cell(sheet, variant.name, "entered") == str((9 * 3 - 1) * 8)
+    assert cell(sheet, variant.name, "missed") == str(4 * 9 * (0 + 1 + 2) - 4 * 2)
+
+
 def test_a_method_without_planes_has_the_centre_rule_only(paper: Measured) -> None:
     sheet = rooms_sheet(paper.result(), "all")
     measures = [row[1] for row in sheet.rows if row[0] == HYDRA]
