@@ -96,8 +96,10 @@ DETECTORS: Mapping[str, Callable[[TruthKeeper | None], Detector]] = {
     "paper-greedy": _trained("paper-greedy"),
     "hydra": _hydra("hydra"),
     "hydra-v1": _hydra("hydra-v1"),
+    "hydra-tuned": _hydra("hydra-tuned"),
     "sgraphs": _sgraphs("sgraphs"),
     "sgraphs-faults": _sgraphs("sgraphs-faults"),
+    "sgraphs-tuned": _sgraphs("sgraphs-tuned"),
     "oracle": _oracle,
     "none": lambda _: NoDetector(),
 }

@@ -21,11 +21,12 @@ Option = typer.Option
 
 SEEDS = "0-4"
 QUICK_SEEDS = "0,1"
-CATALOGUE, FRESH, BEYOND = "paper", "fresh", "beyond"
+CATALOGUE, FRESH, BEYOND, PLANS = "paper", "fresh", "beyond", "plans"
 TITLES = {
     CATALOGUE: "The paper's results, measured here",
     FRESH: "Fresh buildings",
     BEYOND: "Beyond the paper",
+    PLANS: "Other buildings",
 }
 FIGURE_SCENES = ("SE3", "RC2F2")
 
@@ -43,7 +44,8 @@ def paper(
         Option("--beyond", help="Instead: worlds of other kinds, and each building condition."),
     ] = False,
     plans: Annotated[
-        str | None, Option(help="Plan files for --beyond, as a.json,b.json (these alone).")
+        str | None,
+        Option(help="For --beyond, these alone: plan files or folders of them, as a.json,plans."),
     ] = None,
     seeds: Annotated[
         str | None, Option(help=f"As 0,1,2 or 0-9 (default: {SEEDS}; quick: {QUICK_SEEDS}).")
@@ -73,8 +75,8 @@ def paper(
     our_warnings_only(screen)
     folder = (out or Path("runs") / ("paper-quick" if quick else "paper")).absolute()
     asked = _Asked(folder, quick, parse_seeds(seeds or (QUICK_SEEDS if quick else SEEDS)))
-    kind = FRESH if fresh else BEYOND if beyond else CATALOGUE
-    groups = asked.groups(kind, [part.strip() for part in plans.split(",")] if plans else None)
+    kind = FRESH if fresh else PLANS if plans is not None else BEYOND if beyond else CATALOGUE
+    groups = asked.groups(kind, plan_files(plans or ""))
     for group in groups:
         check_runs(group.ablation)
     settings = SweepConfig(folder, workers, runner=RUN_AND_KEEP)
@@ -87,6 +89,17 @@ def paper(
     return 3 if errors else 0
 
 
+def plan_files(text: str) -> list[str]:
+    """What is listed; a folder stands for the plans in it. Raises InputError for one without."""
+    files: list[str] = []
+    for part in (Path(part.strip()) for part in text.split(",") if part.strip()):
+        found = sorted(map(str, part.glob("*.json"))) if part.is_dir() else [str(part)]
+        if not found:
+            refuse(f"plans: {part}: expected plan files (*.json), found none")
+        files += found
+    return files
+
+
 @dataclass(frozen=True)
 class _Asked:
     """What the flags say of every group."""
@@ -95,8 +108,8 @@ class _Asked:
     quick: bool
     seeds: tuple[int, ...]
 
-    def groups(self, kind: str, plans: Sequence[str] | None = None) -> list[Group]:
-        """The runs of a report. plans: of the user, instead of what comes with roomloop."""
+    def groups(self, kind: str, plans: Sequence[str] = ()) -> list[Group]:
+        """The runs of a report. plans: those of the user, if it is about them."""
         from eval.paper import study
 
         duration = study.QUICK_S if self.quick else None
@@ -105,17 +118,20 @@ class _Asked:
             return [study.catalogue(self.seeds, base, self.quick)]
         if kind == FRESH:
             return [study.fresh(self._fresh_files(), base)]
-        if plans is not None:
+        if kind == PLANS:
             return study.of_plans(plans, self.seeds, base)
         return study.beyond(self.seeds, base, self.quick)
 
     def _fresh_files(self) -> list[Path]:
         from eval.paper import study
+        from eval.sweep.store import open_store
         from semantics.detector import CONSERVATIVE
 
         count = study.QUICK_FRESH if self.quick else study.FRESH
         plans = study.fresh_plans(study.fresh_seed(CONSERVATIVE.weights), count)
-        return study.write_plans(plans, self.folder / "fresh-plans")
+        with open_store(self.folder) as store:  # a folder with plans alone would not be a sweep's
+            store.plan([])
+            return study.write_plans(plans, self.folder / "fresh-plans")
 
 
 # --- what is written ------------------------------------------------------------------------------
@@ -131,7 +147,7 @@ def _write(kind: str, asked: _Asked, measured: Sequence[Measured]) -> list[Path]
     shown = {f"{kind}-{name}.png": data for name, data in pictures.items()}
     text = report_text(TITLES[kind], sheets, list(shown), _remarks(asked, kind))
     texts = {f"{kind}.md": text, f"{kind}.tex": latex(sheets)}
-    if kind != BEYOND:
+    if kind in (CATALOGUE, FRESH):
         texts[f"{kind}.csv"] = comparisons_csv(measured[0].compared())
     for name, content in texts.items():
         write_text(asked.folder / name, content)
@@ -147,7 +163,7 @@ def _contents(
     from eval.paper.figures import rooms_png, scenes_png
     from eval.paper.study import DETECTORS, already_measured
 
-    if kind == BEYOND:
+    if kind in (BEYOND, PLANS):
         return report.beyond_sheets(measured), {}
     part = measured[0]
     methods = [variant.name for variant in DETECTORS]
@@ -187,8 +203,11 @@ def _panels(measured: Measured) -> list[Panel]:
 
 
 def _remarks(asked: _Asked, kind: str) -> list[str]:
-    seeds = ", ".join(map(str, asked.seeds))
-    of = "one drive each" if kind == FRESH else f"seeds {seeds}"
-    how = "The whole route of every scene" if not asked.quick else "A trial: 30 s of each drive"
-    command = f"`roomloop paper{'' if kind == CATALOGUE else f' --{kind}'}`"
-    return [f"{how}, {of}. Made by {command}; what the rows mean is told at the end."]
+    """What was run, by what."""
+    from eval.sweep.job import fingerprint
+
+    how = "A trial: 30 s of each drive" if asked.quick else "The whole route of every scene"
+    seeds = "one drive each" if kind == FRESH else f"seeds {', '.join(map(str, asked.seeds))}"
+    flag = {CATALOGUE: "", PLANS: " --beyond --plans"}.get(kind, f" --{kind}")
+    made = f"`roomloop paper{flag}`, code and weights {fingerprint()[:12]}"
+    return [f"{how}, {seeds}: {made}. What the rows mean is told at the end."]

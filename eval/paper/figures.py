@@ -12,7 +12,7 @@ import numpy as np
 from eval.ablation import Result
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode
 from eval.metrics import Metrics
-from eval.paper.published import COUNTS, HYDRA, OURS, WALL_COUNTS
+from eval.paper.published import COUNTS, OURS, WALL_COUNTS, WITHOUT_PLANES
 from eval.paper.sheets import spread
 from eval.picture import FACE, FALSE, MISSED, ROOM, TRUE
 from eval.score_rooms import match_centres, to_world
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BARS = ("#7f9c6c", "#c98b4b", "#3a6ea5", "#8fb4dc", "#b0b0b0", "#d0d0d0")
+BARS = ("#7f9c6c", "#a9bf9b", "#c98b4b", "#dcb58c", "#3a6ea5", "#8fb4dc")
 DPI = 130
 
 
@@ -40,10 +40,10 @@ def png_of(figure: Figure) -> bytes:
 
 def rooms_png(worlds: Sequence[tuple[str, Result]], methods: Sequence[str]) -> bytes:
     """By the centre rule, over all scenes and seeds of a kind of world: bars to the mean, lines of
-    one standard deviation, and marks at the largest and the smallest value."""
+    one standard deviation within 0 and 1, and marks at the largest and the smallest value."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 3.4 * len(worlds)), layout="constrained")
+    figure = Figure(figsize=(11.0, 3.4 * len(worlds)), layout="constrained")
     axes = figure.subplots(len(worlds), 2, squeeze=False, sharey=True)
     for row, (world, result) in zip(axes, worlds, strict=True):
         for ax, measure in zip(row, ("precision", "recall"), strict=True):
@@ -54,22 +54,30 @@ def rooms_png(worlds: Sequence[tuple[str, Result]], methods: Sequence[str]) -> b
 
 
 def _bars(ax: Axes, result: Result, methods: Sequence[str], metric: str) -> None:
-    ax.set_xticks(range(len(methods)), methods, fontsize=9)
-    ax.set_ylim(0.0, 1.08)
+    names = [method.replace(", ", ",\n") for method in methods]
+    ax.set_xticks(range(len(methods)), names, fontsize=9)
+    ax.set_xlim(-0.6, len(methods) - 0.4)
+    ax.set_ylim(0.0, 1.2)
+    ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.grid(axis="y", color="#e5e5e5")
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     for place, method in enumerate(methods):
-        found = spread(result.level(method, metric))
+        level = result.level(method, metric)
+        found = spread(level)
         if found is None:
             ax.text(place, 0.03, "no detection", ha="center", fontsize=8, rotation=90)
             continue
         ax.bar(place, found.mean, width=0.6, color=BARS[place % len(BARS)])
-        ax.errorbar(place, found.mean, yerr=found.deviation, color="#222222", capsize=4, lw=1.2)
+        ends = np.array([[found.mean], [1.0 - found.mean]])
+        deviation = np.minimum(found.deviation or 0.0, ends)
+        ax.errorbar(place, found.mean, yerr=deviation, color="#222222", capsize=4, lw=1.2)
         ax.plot([place, place], [found.low, found.high], "_", color="#b2182b", ms=14, mew=1.6)
-        label = f"{found.mean:.2f}"
-        ax.text(place - 0.27, 0.03, label, fontsize=8, color="white", fontweight="bold")
+        runs = sum(map(len, level.values.values()))
+        ax.text(place, 1.05, f"{found.mean:.2f}", ha="center", fontsize=9)
+        if found.count < runs:
+            ax.text(place, 1.13, f"{found.count} of {runs} runs", ha="center", fontsize=7)
 
 
 # --- two scenes -----------------------------------------------------------------------------------
@@ -110,7 +118,8 @@ def scenes_png(panels: Sequence[Panel]) -> bytes:
             if panel.method == OURS:
                 _draw_walls(row[len(own)], panel)
     figure.suptitle(
-        "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found",
+        "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found "
+        "or not entered",
         fontsize=11,
     )
     return png_of(figure)
@@ -165,7 +174,7 @@ def rooms_caption(panel: Panel) -> str:
     total = sum(isinstance(node, RoomNode) for node in panel.graph.nodes)
     recalled = round((rooms.centre_recall or 0.0) * (rooms.entered or 0))
     text = f"P {len(matches)}/{total}, R {recalled}/{rooms.entered}"
-    if panel.method != HYDRA and rooms.detected is not None:
+    if panel.method not in WITHOUT_PLANES and rooms.detected is not None:
         true = f"{rooms.true_positive:g}"
         recall = f"{(rooms.recall or 0.0) * (rooms.entered or 0):g}"
         text += f"; by pieces P {true}/{rooms.detected:g}, R {recall}/{rooms.entered}"

@@ -16,6 +16,14 @@ HYDRA, SGRAPHS, ROOMS_ONLY, OURS, GREEDY = (
 )
 """The paper's methods, as the tables here call them."""
 
+HYDRA_TUNED, SGRAPHS_TUNED = f"{HYDRA}, tuned", f"{SGRAPHS}, tuned"
+"""The same with the parameters that suit a 16-beam sensor best (``eval.baseline_search``)."""
+
+BASELINES = (HYDRA, HYDRA_TUNED, SGRAPHS, SGRAPHS_TUNED)
+
+WITHOUT_PLANES = (HYDRA, HYDRA_TUNED)
+"""Their rooms have no pieces, so they are judged by their centres alone."""
+
 SIMULATED = ("SC1F1", "SC1F2", "SE1", "SE2", "SE3")
 REAL = ("RC1F1", "RC1F2", "RC2F2", "RC3F2")
 MMA_SCENES = ("SE2", "SC1F1", "SC1F2", *REAL)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eval.ablation import BOOTSTRAP_SEED, Level, Result
 from eval.bounds import Bound
-from eval.paper.published import HYDRA, NOT_PUBLISHED, REAL, SCENES, Claim, Values
-from eval.paper.study import CAUSES, DETECTORS, Measured
+from eval.paper.published import (
+    BASELINES,
+    NOT_PUBLISHED,
+    REAL,
+    SCENES,
+    WITHOUT_PLANES,
+    Claim,
+    Values,
+)
+from eval.paper.study import DETECTORS, Measured
 from eval.stats import Interval, bootstrap, mean_over_scenes
 from eval.tables import Sheet, number, signed, unit_of
 from slam.core import Array
@@ -24,6 +32,8 @@ ROOM_RULES = (
     ("recall, by pieces", "rooms.recall"),
 )
 BY_PIECES = ("rooms.precision", "rooms.recall")
+SHARES = ("precision", "recall", "mean_iou", "piece_f1")
+CENTRE_RULE = ("rooms.centre_precision", "rooms.centre_recall")
 
 
 # --- spread ---------------------------------------------------------------------------------------
@@ -55,22 +65,32 @@ def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
         return None
     every = np.concatenate(list(samples.values()))
     single = max(map(len, samples.values())) == 1
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
     return Spread(
         mean=mean_over_scenes(samples),
         deviation=float(every.std(ddof=1)) if len(every) > 1 else None,
         low=float(every.min()),
         high=float(every.max()),
-        interval=bootstrap(
-            {"": every} if single else samples, np.random.default_rng(BOOTSTRAP_SEED)
-        ),
+        interval=_within(bootstrap({"": every} if single else samples, rng), level.metric),
         count=len(every),
     )
 
 
+def _within(interval: Interval | None, metric: str) -> Interval | None:
+    """No metric is negative, and a share is at most 1; a bootstrap of few runs knows neither."""
+    if interval is None:
+        return None
+    most = 1.0 if metric.endswith(SHARES) else np.inf
+    low, high = (float(np.clip(end, 0.0, most)) for end in (interval.low, interval.high))
+    return Interval(low, high)
+
+
 def spread_of(result: Result, variant: str, metric: str) -> Spread | None:
     """The same of a variant; None for what does not apply: Hydra's rooms have no pieces (the scores
-    can tell that only from runs in which it finds some)."""
-    if variant == HYDRA and metric in BY_PIECES:
+    can tell that only from runs in which it finds some), and the baselines look for no walls."""
+    if variant in WITHOUT_PLANES and metric in BY_PIECES:
+        return None
+    if variant in BASELINES and metric.startswith("walls."):
         return None
     return spread(result.level(variant, metric))
 
@@ -113,7 +133,8 @@ def rooms_sheet(result: Result, world: str) -> Sheet:
             if found is None:
                 continue
             numbers = (number(v, 1.0, 2) for v in (found.deviation, found.low, found.high))
-            rows.append((variant.name, name, _shown(found), *numbers, str(found.count)))
+            count = f"{found.count} of {len(result.ablation.scenes) * len(result.ablation.seeds)}"
+            rows.append((variant.name, name, _shown(found), *numbers, count))
     title = f"Rooms, {world} scenes (the paper's values stand in a picture only)"
     return Sheet(title, head, tuple(rows), frozenset(rules[1:]))
 
@@ -134,13 +155,15 @@ class Column:
 
 
 def beside_sheet(title: str, result: Result, columns: Sequence[Column], digits: int = 2) -> Sheet:
-    """Scenes down, each column beside the paper's; at the end the means over scenes: the paper's
-    over those of these scenes that it has."""
+    """Scenes down, each column beside the paper's, unless it has nothing at all on these scenes; at
+    the end the means over scenes: the paper's over those of these scenes that it has."""
     scenes = result.ablation.scenes
     rows = [(scene, *_cells(result, columns, [scene], digits)) for scene in scenes]
     rows.append(("mean", *_cells(result, columns, scenes, digits)))
     head = ("scene", *(text for column in columns for text in column.head))
-    return Sheet(title, head, tuple(rows), frozenset({len(scenes)}))
+    sheet = Sheet(title, head, tuple(rows), frozenset({len(scenes)}))
+    unknown = (column for column in columns if not column.published.keys() & set(scenes))
+    return sheet.without(*(column.head[1] for column in unknown))
 
 
 def _cells(
@@ -158,7 +181,7 @@ def _cells(
 
 def claims_sheet(title: str, measured: Measured, claims: Sequence[Claim]) -> Sheet:
     """Relative differences, ours beside the text's; the interval is that of the paired mean."""
-    head = ("what", "variant", "against", "here %", "95 % interval", "pairs", "the paper says")
+    head = ("what", "variant", "against", "change %", "95 % interval", "pairs", "the paper says")
     rows = [_claim_row(measured, claim) for claim in claims]
     return Sheet(title, head, tuple(row for row in rows if row is not None))
 
@@ -207,17 +230,6 @@ def summary_sheet(title: str, result: Result) -> Sheet:
     return Sheet(title, head, tuple(rows))
 
 
-def failures_sheet(title: str, result: Result) -> Sheet:
-    """How many rooms were missed and how many detections false over all runs, and why."""
-    head = ("method", *(cause.partition(".")[2].replace("_", ", ") for cause in CAUSES))
-    rows = []
-    for variant in result.ablation.variants:
-        levels = [result.level(variant.name, cause) for cause in CAUSES]
-        counts = [sum(np.nansum(values) for values in lv.values.values()) for lv in levels]
-        rows.append((variant.name, *(f"{count:.0f}" for count in counts)))
-    return Sheet(title, head, tuple(rows))
-
-
 def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> Sheet:
     """Rooms of each scene: precision/recall, by pieces, or by centres of Hydra."""
     variants = [variant.name for variant in result.ablation.variants]
@@ -228,10 +240,34 @@ def per_scene_sheet(title: str, result: Result, names: Mapping[str, str]) -> She
     return Sheet(title, ("scene", *variants), tuple(rows))
 
 
+def groups_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
+    """Rooms of groups of runs, which share their methods: means, by centres."""
+    variants = [variant.name for variant in groups[0][1].ablation.variants]
+    rows = [
+        (
+            name,
+            *(
+                _pair(_mean(result, variant, metric) for metric in CENTRE_RULE)
+                for variant in variants
+            ),
+        )
+        for name, result in groups
+    ]
+    return Sheet(title, ("what", *variants), tuple(rows))
+
+
+def _mean(result: Result, variant: str, metric: str) -> float | None:
+    found = spread(result.level(variant, metric))
+    return None if found is None else found.mean
+
+
+def _pair(values: Iterable[float | None]) -> str:
+    return " / ".join(number(value, 1.0, 2) for value in values)
+
+
 def _precision_recall(result: Result, variant: str, scene: str) -> str:
-    rule = "centre_" if variant == HYDRA else ""
-    metrics = (f"rooms.{rule}{measure}" for measure in ("precision", "recall"))
-    return " / ".join(number(result.level(variant, m).mean(scene), 1.0, 2) for m in metrics)
+    metrics = CENTRE_RULE if variant in WITHOUT_PLANES else BY_PIECES
+    return _pair(result.level(variant, metric).mean(scene) for metric in metrics)
 
 
 def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> Sheet:

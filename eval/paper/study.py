@@ -17,10 +17,12 @@ from eval.paper.published import (
     FIGURE_CLAIMS,
     GREEDY,
     HYDRA,
+    HYDRA_TUNED,
     OURS,
     REAL,
     ROOMS_ONLY,
     SGRAPHS,
+    SGRAPHS_TUNED,
     SIMULATED,
 )
 from eval.sweep.engine import State, SweepConfig, sweep
@@ -40,7 +42,9 @@ def _variant(name: str, detector: str, layers: str, factors: str = "paper") -> V
 
 DETECTORS = (
     _variant(HYDRA, "hydra", "planes"),
+    _variant(HYDRA_TUNED, "hydra-tuned", "planes"),
     _variant(SGRAPHS, "sgraphs", "rooms"),
+    _variant(SGRAPHS_TUNED, "sgraphs-tuned", "rooms"),
     _variant(OURS, "gnn", "rooms+walls"),
     _variant(GREEDY, "gnn-greedy", "rooms+walls"),
 )
@@ -54,7 +58,9 @@ CAUSES = tuple(
     for kind in ("missed", "false")
     for cause in ("unseen", "planes", "edges", "clustering")
 )
+ENTERED = "rooms.entered"
 METRICS = (
+    ENTERED,
     *("rooms.centre_precision", "rooms.centre_recall", "rooms.precision", "rooms.recall"),
     *("rooms.mean_iou", "rooms.piece_f1", "walls.precision", "walls.recall"),
     *("first_room_s", "room_latency_s.median", "room_latency_s.p95", "rooms.id_switches"),
@@ -212,9 +218,14 @@ def measure(
 
 
 def already_measured(group: Group, folder: Path) -> Measured | None:
-    """A group as an earlier sweep of the folder left it; None unless it is whole."""
-    jobs = [Job(config) for config in group.ablation.configs]
+    """A group as earlier sweeps of the folder left it, with as many of its seeds as are whole; None
+    without any."""
+    ablation = group.ablation
+    jobs = [Job(config) for config in ablation.configs]
     found = read_rows(folder, [job.key for job in jobs])
-    if any(job.key not in found for job in jobs):
+    missing = {job.config.seed for job in jobs if job.key not in found}
+    seeds = tuple(seed for seed in ablation.seeds if seed not in missing)
+    if not seeds:
         return None
-    return Measured(group, {job.config: found[job.key] for job in jobs})
+    rows = {job.config: found[job.key] for job in jobs if job.config.seed in seeds}
+    return Measured(replace(group, ablation=replace(ablation, seeds=seeds)), rows)

@@ -22,7 +22,8 @@ PACKAGES = ("numpy", "scipy", "shapely", "mujoco", "open3d", "kiss-icp", "gtsam"
 NOT_OF_THE_RESULT = ("out", "save", "cache")
 """Fields of a configuration that change nothing in the metrics."""
 AROUND_THE_RUN = (
-    *("ablation", "batch", "bounds", "cli", "compare", "curves", "foreign", "forest", "picture"),
+    *("ablation", "baseline_drives", "baseline_search", "batch", "bounds", "cli", "compare"),
+    *("curves", "foreign", "forest", "picture"),
     *("recording", "scenario", "score_foreign", "screen", "sinks", "stats", "tables"),
 )
 """Modules of eval that change nothing in them either."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from semantics.freespace.gvd import GvdConfig, gvd_of
 from semantics.freespace.places import Places, PlacesConfig, places_of
-from semantics.freespace.tsdf import Tsdf, TsdfConfig
+from semantics.freespace.tsdf import Tsdf, TsdfConfig, Volume
 from slam.core import Array, MapView
 
 
@@ -21,6 +22,18 @@ class SpaceConfig:
     gvd: GvdConfig = field(default_factory=GvdConfig)
     places: PlacesConfig = field(default_factory=PlacesConfig)
     moved: float = 0.1
+
+
+class Space(Protocol):
+    """Where a detector reads its places."""
+
+    def add(self, view: MapView) -> None:
+        """The map has a new keyframe."""
+        ...
+
+    def places(self) -> Places:
+        """Of all that was added."""
+        ...
 
 
 class FreeSpace:
@@ -51,5 +64,9 @@ class FreeSpace:
 
     def places(self) -> Places:
         """The graph of places of all that was integrated."""
-        volume = self._tsdf.volume()
+        volume = self.volume()
         return places_of(gvd_of(volume, self._config.gvd), volume, self._config.places)
+
+    def volume(self) -> Volume:
+        """The field of all that was integrated."""
+        return self._tsdf.volume()

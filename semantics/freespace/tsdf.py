@@ -49,6 +49,16 @@ class Volume:
     low: Array
     voxel: float
 
+    def observed_part(self) -> Volume:
+        """The smallest box that holds all observed voxels: what reads the field takes time for the
+        others, too. The whole if there are none."""
+        if not self.observed.any():
+            return self
+        axes = [np.flatnonzero(self.observed.any(axis=other)) for other in ((1, 2), (0, 2), (0, 1))]
+        part = tuple(slice(places[0], places[-1] + 1) for places in axes)
+        low = self.low + self.voxel * np.array([places[0] for places in axes])
+        return Volume(self.distance[part], self.observed[part], low, self.voxel)
+
 
 class Tsdf:
     """Integrates scans; each voxel holds the weighted mean of what the scans say of it."""
@@ -84,7 +94,8 @@ class Tsdf:
         self._distance[part], self._weight[part] = distance.reshape(shape), total.reshape(shape)
 
     def volume(self) -> Volume:
-        """The field on voxels ``coarser`` times as large: weighted means of the fine ones."""
+        """As far as it was observed, the field on voxels ``coarser`` times as large: weighted means
+        of the fine ones."""
         n = self._config.coarser
         first = -(-self._first // n) * n  # whole coarse voxels of the endless grid
         skip = first - self._first
@@ -97,7 +108,8 @@ class Tsdf:
         observed = total / n**3 >= OBSERVED
         distance = np.where(observed, moment.sum(axis=(1, 3, 5)) / np.where(observed, total, 1), 0)
         low = np.asarray((first + (n - 1) / 2.0) * self._config.voxel)
-        return Volume(distance.astype(np.float32), observed, low, n * self._config.voxel)
+        whole = Volume(distance.astype(np.float32), observed, low, n * self._config.voxel)
+        return whole.observed_part()
 
     def _box(self, centre: Array, reach: float, image: RangeImage) -> NDArray[np.int64]:
         """(2, 3) first and last-but-one voxel that a scan can reach."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from semantics.freespace.gvd import Ints
 from semantics.freespace.places import Places
-from semantics.freespace.space import FreeSpace
+from semantics.freespace.space import FreeSpace, Space
 from semantics.hydra.clustering import assign
 from semantics.hydra.config import PUBLISHED_V2, HydraConfig, RoomsConfig
 from semantics.hydra.filtration import cores, dilation
@@ -21,9 +21,9 @@ class HydraDetector:
     each time; here a room keeps the number of the one that it overlaps.
     """
 
-    def __init__(self, config: HydraConfig = PUBLISHED_V2):
+    def __init__(self, config: HydraConfig = PUBLISHED_V2, space: Space | None = None):
         self._config = config
-        self._space = FreeSpace(config.space)
+        self._space: Space = FreeSpace(config.space) if space is None else space
         self._ids = RegionIds()
         self._found_at = self._asked_at = -np.inf
         self._found = Proposals()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semantics.freespace.space import FreeSpace
+from semantics.freespace.space import FreeSpace, Space
 from semantics.sgraphs.clusters import clusters_of
 from semantics.sgraphs.config import PUBLISHED, SgraphsConfig
 from semantics.sgraphs.matching import axes_of, match, side_of
@@ -16,9 +16,9 @@ from slam.core import Array, MapPlane, MapView, Proposals
 class SgraphsDetector:
     """Rooms of four planes and corridors of two; no walls (its published form finds none)."""
 
-    def __init__(self, config: SgraphsConfig = PUBLISHED):
+    def __init__(self, config: SgraphsConfig = PUBLISHED, space: Space | None = None):
         self._config = config
-        self._space = FreeSpace(config.space)
+        self._space: Space = FreeSpace(config.space) if space is None else space
         self._clusters: list[Array] = []
         self._rooms = KnownRooms(config)
         self._axes = np.eye(2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -37,6 +38,11 @@ class Side:
     def foot(self, origin: Array) -> Array:
         """(2,) the point of the plane nearest to ``origin``."""
         return np.asarray(origin - (self.normal @ origin + self.d) * self.normal)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of its points, which many clusters ask."""
+        return cKDTree(self.points)
 
     @property
     def at(self) -> float:
@@ -121,7 +127,7 @@ def centre_of(x: Pair | None, y: Pair | None, vertices: Array, config: SgraphsCo
         return _middle(x, origin) + _middle(y, origin) - origin
     pair = x or y
     assert pair is not None
-    near = [cKDTree(s.points).query(vertices, distance_upper_bound=config.near)[0] for s in pair]
+    near = [s.tree.query(vertices, distance_upper_bound=config.near)[0] for s in pair]
     close = np.isfinite(near).any(axis=0)
     between = vertices[close] if close.any() else vertices
     middle = 0.5 * (between.min(axis=0) + between.max(axis=0))
@@ -138,7 +144,7 @@ def _best_sides(
     """By (axis, high): the plane to which most vertices are near."""
     best: dict[tuple[int, bool], tuple[int, Side]] = {}
     for side in sides:
-        distance, _ = cKDTree(side.points).query(vertices, distance_upper_bound=config.near)
+        distance, _ = side.tree.query(vertices, distance_upper_bound=config.near)
         near = np.isfinite(distance)
         if not config.faults:
             near &= vertices @ side.normal + side.d > 0.0

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from semantics.sgraphs.config import SgraphsConfig
 from semantics.sgraphs.matching import Match, Pair, Side, centre_of, side_of
@@ -99,7 +98,7 @@ class KnownRooms:
             return False
         if kind == "room":
             return True
-        distance, _ = cKDTree(known.points).query(side.points)
+        distance, _ = known.tree.query(side.points)
         return bool(distance.min() <= self._config.overlap)
 
     def _add(self, match: Match, id_: int | None) -> None:

@@ -12,10 +12,12 @@ from fakes import metrics_of
 
 from eval.ablation import BOOTSTRAP_SEED
 from eval.cli import main
+from eval.commands.paper import _Asked, plan_files
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Metrics, Rooms, Walls
 from eval.paper import report, study
+from eval.paper.failures import failures_sheet
 from eval.paper.figures import Panel, centre_matches, rooms_caption, rooms_png, scenes_png
 from eval.paper.published import (
     ATE,
@@ -28,15 +30,18 @@ from eval.paper.published import (
     ROOMS_ONLY,
     SCENES,
     SGRAPHS,
+    SGRAPHS_TUNED,
     SIMULATED,
     WALL_RECALL,
 )
-from eval.paper.sheets import failures_sheet, rooms_sheet, spread, summary_sheet
+from eval.paper.sheets import rooms_sheet, spread, summary_sheet
 from eval.paper.study import Measured
 from eval.score_failures import Failures
 from eval.stats import bootstrap
-from eval.sweep.job import Row
+from eval.sweep.job import Job, Row
+from eval.sweep.store import open_store
 from eval.tables import Sheet
+from slam.core import InputError
 from worlds.catalogue import load_scene, scene_counts
 
 BASE = RunConfig("SE1", cache=Path("front-ends"))
@@ -155,6 +160,13 @@ def test_beyond_has_worlds_conditions_and_the_users_plans() -> None:
     assert {config.scene for config in plan.ablation.configs} == {"mine/office.json"}
 
 
+def test_a_folder_stands_for_its_plans(tmp_path: Path) -> None:
+    for name in ("b.json", "a.json", "notes.txt"):
+        (tmp_path / name).touch()
+    expected = [str(tmp_path / "a.json"), str(tmp_path / "b.json"), "c.json"]
+    assert plan_files(f"{tmp_path}, c.json") == expected
+
+
 # --- what is said of them -------------------------------------------------------------------------
 
 
@@ -170,12 +182,30 @@ def test_a_spread_is_over_runs_and_its_interval_over_seeds(paper: Measured) -> N
     assert found.interval == bootstrap(samples, np.random.default_rng(BOOTSTRAP_SEED))
 
 
+def test_intervals_of_shares_end_at_one(paper: Measured) -> None:
+    values = {"SE1": (1.0,), "SE2": (1.0,), "SE3": (0.5,)}
+    for metric, most in (("rooms.recall", 1.0), ("first_room_s", np.inf)):
+        found = spread(replace(paper.result(SIMULATED).level(OURS, metric), values=values))
+        assert found is not None
+        assert found.interval is not None
+        assert found.mean < found.interval.high <= most
+        assert (found.interval.high > 1.0) == (most > 1.0)
+
+
+def test_the_baselines_have_no_walls(paper: Measured) -> None:
+    summary = summary_sheet("", paper.result())
+    assert cell(summary, SGRAPHS, "walls R") == "-"
+    assert cell(summary, OURS, "walls R").startswith("0.80")
+
+
 def test_runs_without_a_value_are_left_out_and_counted(paper: Measured) -> None:
     level = paper.result(REAL).level(HYDRA, "rooms.centre_precision")
     found = spread(level)
     assert found is not None
     assert found.count == 3 * (len(REAL) - 1)
     assert spread(level, ["RC2F2"]) is None
+    rooms = rooms_sheet(paper.result(REAL), "real")
+    assert cell(rooms, HYDRA, "runs", measure="precision, centre rule") == "9 of 12"
 
 
 def test_one_drive_a_building_has_its_interval_over_buildings(tmp_path: Path) -> None:
@@ -195,30 +225,51 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
     assert cell(ate, "mean", f"{SGRAPHS} (paper)") == "3.09"
     assert cell(ate, "SE3", OURS).startswith("2.00")
     assert cell(ate, "SE3", f"{OURS} (paper)") == "2.23"
-    real = sheets["ATE, real-condition scenes [cm] (Table IV)"]
-    assert cell(real, "mean", f"{OURS} (paper)") == "not published"
+    real = sheets["ATE, real-condition scenes [cm] (not published)"]
+    assert not [name for name in real.head if "(paper)" in name]
     mma = sheets["MMA [cm] (Table V)"]
     assert cell(mma, "mean", f"{OURS} (paper)") == "21.95"
     assert "SE1" not in {row[0] for row in mma.rows}
     first = sheets["First room, simulated scenes [s] (Table III)"]
     assert cell(first, "mean", f"{SGRAPHS} (paper)") == "77.8"
+    assert first.head[3:5] == (SGRAPHS_TUNED, OURS)
     assert cell(first, "SE1", OURS).startswith("2.0 [")
+    short = sheets[report.IN_SHORT]
+    assert [row[0] for row in short.rows] == ["simulated scenes", "real-condition scenes"]
     walls = sheets["Walls, real-condition scenes (Table II)"]
     assert cell(walls, "RC1F2", "recall (paper)") == "0.75"
 
 
 def test_relative_differences_are_of_the_means(paper: Measured) -> None:
     sheets = {sheet.title: sheet for sheet in report.catalogue_sheets(paper)}
-    claims = sheets["Relative differences of the text"]
+    claims = sheets["Relative differences of the text (a change down is for the better)"]
     asked = {"variant": OURS, "against": SGRAPHS}
-    assert cell(claims, "ATE", "here %", **asked) == "\N{MINUS SIGN}33.3"
+    assert cell(claims, "ATE", "change %", **asked) == "\N{MINUS SIGN}33.3"
     assert cell(claims, "ATE", "the paper says", **asked) == "6.8 % better"
-    assert cell(claims, "ATE, what walls add", "here %") == "0.0"
+    assert cell(claims, "ATE, what walls add", "change %") == "0.0"
 
 
 def test_failures_are_added_up(paper: Measured) -> None:
     sheet = failures_sheet("", paper.result())
-    assert sheet.rows[0][1:] == (str(9 * (0 + 1 + 2)),) * 8
+    each, all_four = str(9 * (0 + 1 + 2)), str(4 * 9 * (0 + 1 + 2))
+    assert cell(sheet, OURS, "entered") == str(9 * 3 * 8)
+    for kind in ("missed", "false"):
+        assert cell(sheet, OURS, kind) == all_four
+        assert cell(sheet, OURS, f"{kind}: edges") == each
+        assert cell(sheet, SGRAPHS, f"{kind}: planes") == each
+        assert cell(sheet, SGRAPHS, f"{kind}: edges") == "-"
+        assert cell(sheet, HYDRA, f"{kind}: planes") == "-"
+
+
+def test_rooms_of_runs_that_cannot_be_judged_are_not_counted(paper: Measured) -> None:
+    config = next(c for c in paper.rows if c.detector == "gnn" and c.seed == 2)
+    row = paper.rows[config]
+    assert row.metrics is not None
+    blind = replace(row, metrics=replace(row.metrics, failures=Failures()))
+    sheet = failures_sheet("", replace(paper, rows={**paper.rows, config: blind}).result())
+    variant = next(v for v in study.VARIANTS if v.of(replace(config, seed=2)) == config)
+    assert cell(sheet, variant.name, "entered") == str((9 * 3 - 1) * 8)
+    assert cell(sheet, variant.name, "missed") == str(4 * 9 * (0 + 1 + 2) - 4 * 2)
 
 
 def test_a_method_without_planes_has_the_centre_rule_only(paper: Measured) -> None:
@@ -234,6 +285,33 @@ def test_fresh_buildings_stand_against_the_catalogue(paper: Measured, tmp_path: 
     alone, both = report.fresh_sheets(part, None), report.fresh_sheets(part, paper)
     assert len(both) == len(alone) + 1
     assert [row[0] for row in alone[1].rows] == ["b0", "b1", "b2"]
+
+
+def test_the_catalogue_counts_with_the_seeds_that_were_run(paper: Measured, tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        for config, row in paper.rows.items():
+            if config.seed < 2 or config.scene == "SE1":
+                store.add(Job(config), row)
+    found = study.already_measured(paper.group, tmp_path)
+    assert found is not None
+    assert found.group.ablation.seeds == (0, 1)
+    level = (OURS, "rooms.recall")
+    values = paper.result().level(*level).values
+    assert found.result().level(*level).values == {s: v[:2] for s, v in values.items()}
+    assert study.already_measured(paper.group, tmp_path / "none") is None
+
+
+def test_groups_stand_beside_one_another() -> None:
+    groups = study.beyond((0, 1), BASE, quick=True)
+    rooms, causes, *summaries = report.beyond_sheets([measured_of(group) for group in groups])
+    names = [group.name for group in groups]
+    assert [row[0] for row in rooms.rows] == names
+    assert [sheet.title for sheet in summaries] == names
+    angled = summary_sheet("", measured_of(groups[0]).result())
+    means = [cell(angled, OURS, f"rooms {what} (centre)")[:4] for what in "PR"]
+    assert cell(rooms, "World angled", OURS) == " / ".join(means)
+    assert causes.rows[0][:3] == (OURS, "World angled", "16")
+    assert [row[1] for row in causes.rows] == names * len(study.DETECTORS)
 
 
 # --- pictures and files ---------------------------------------------------------------------------
@@ -296,23 +374,41 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
 
     def sweep(configs, settings, watch):
         assert settings.runner == "eval.paper.keep:run_and_keep"
+        with open_store(settings.folder) as store:
+            store.plan([])
         return [Row(c, "complete", None, 1.0, stub(c)) for c in configs]
 
     monkeypatch.setattr(study, "sweep", sweep)
     monkeypatch.setattr("eval.paper.keep.kept_graph", lambda config: graph)
     out = tmp_path / "out"
     out.mkdir()
-    for flags in ([], ["--fresh"], ["--beyond"]):
+    plan = study.write_plans(study.fresh_plans(1, 1), tmp_path)[0]
+    for flags in ([], ["--fresh"], ["--beyond"], ["--beyond", "--plans", str(plan)]):
         assert main(["paper", "--quick", "--out", str(out), *flags]) == 0
     names = {path.name for path in out.iterdir() if path.is_file()}
     assert {
-        f"{kind}.{end}" for kind in ("paper", "fresh", "beyond") for end in ("md", "tex")
+        f"{kind}.{end}" for kind in ("paper", "fresh", "beyond", "plans") for end in ("md", "tex")
     } <= names
     assert {"paper-rooms.png", "paper-scenes.png", "fresh-rooms.png", "paper.csv"} <= names
     text = (out / "paper.md").read_text()
     assert "The recordings of its real scenes are not public" in text
     assert "| SE3 | Hydra RS |" in text
+    assert "| Plan fresh-00 |" in (out / "plans.md").read_text()
     assert "paper.md" in capsys.readouterr().out
+
+
+def test_fresh_buildings_are_put_into_a_new_folder_and_used_again(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "out"
+    asked = _Asked(out, True, (0,))
+    scenes = [asked.groups("fresh")[0].ablation.scenes for _ in range(2)]
+    assert scenes[0] == scenes[1]
+    assert all(Path(scene).parent == out / "fresh-plans" for scene in scenes[0])
+    with open_store(out) as store:  # a sweep takes the folder for its own
+        assert store.folder == out
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").touch()
+    with pytest.raises(InputError, match=r"holds files but no sweep\.json"):
+        _Asked(tmp_path / "notes", True, (0,)).groups("fresh")
 
 
 @pytest.mark.parametrize(
@@ -321,10 +417,12 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
         (["--fresh", "--beyond"], "fresh: expected --fresh or --beyond"),
         (["--plans", "a.json"], "plans: expected together with --beyond"),
         (["--beyond", "--plans", "none.json"], "none.json"),
+        (["--beyond", "--plans", "."], "plans: .: expected plan files"),
         (["--seeds", "x"], "seeds"),
     ],
 )
-def test_what_makes_no_sense_is_refused(flags, said, tmp_path: Path, capsys) -> None:
+def test_what_makes_no_sense_is_refused(flags, said, tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["paper", "--out", str(tmp_path / "out"), *flags]) == 2
     error = capsys.readouterr().err
     assert said in error

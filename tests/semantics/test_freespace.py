@@ -122,3 +122,22 @@ def test_free_space_is_integrated_anew_when_the_map_moves() -> None:
     space.add(view)
     moved.add(view)
     assert_allclose(space.places().positions, moved.places().positions)
+
+
+def test_what_was_not_observed_around_it_changes_nothing() -> None:
+    whole = hall(8.0, 4.0)
+    wide = Volume(
+        *(np.pad(part, ((3, 5), (2, 1), (4, 0))) for part in (whole.distance, whole.observed)),
+        whole.low - whole.voxel * np.array([3, 2, 4]),
+        whole.voxel,
+    )
+    part = wide.observed_part()
+    assert part.distance.shape == whole.observed_part().distance.shape
+    assert part.observed.sum() == whole.observed.sum()
+    config = GvdConfig(parents_apart=10)
+    a, b = (places_of(gvd_of(v, config), v, PlacesConfig(1.0)) for v in (wide, part))
+    assert len(a) > 0
+    assert_allclose(a.positions, b.positions)
+    assert_allclose(a.widths, b.widths)
+    nothing = Volume(whole.distance, np.zeros_like(whole.observed), whole.low, whole.voxel)
+    assert nothing.observed_part() is nothing
