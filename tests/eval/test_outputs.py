@@ -81,6 +81,7 @@ def metrics() -> Metrics:
             "schema": SCHEMA,
             "error": None,
             "seed": 3,
+            "scans_skipped": 2,
             "versions": {"numpy": "2.0"},
             "T_world_map": tuple(map(tuple, np.eye(4).tolist())),
             "planes": Planes(4, 3, 2, 1),
