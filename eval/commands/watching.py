@@ -16,8 +16,8 @@ Option = typer.Option
 
 def watching(
     scene: Annotated[str, typer.Argument(help="A scene or plan file.")] = "SE1",
-    duration: Annotated[float, Option(help="Simulated seconds.", min=1.0)] = 60.0,
-    rounds: Annotated[int, Option(help="Runs of each kind, by turns.", min=1)] = 3,
+    duration: Annotated[float, Option(help="Simulated seconds.", min=1.0)] = 140.0,
+    rounds: Annotated[int, Option(help="Runs of each kind, by turns.", min=1)] = 2,
     seed: Annotated[int, Option(help="Of everything random.")] = 0,
 ) -> None:
     """What --save and --serve cost: the same run without and with them, by turns."""
