@@ -100,17 +100,18 @@ def against_first(variants: Sequence[Variant]) -> tuple[tuple[str, str], ...]:
 PAPER_SCENES = ("SC1F1", "SC1F2", "SE1", "SE2", "SE3")
 
 
-def _variant(name: str, detector: str, layers: str, factors: str) -> Variant:
+def make_variant(name: str, detector: str, layers: str, factors: str = "paper") -> Variant:
+    """One that detects so, and lets so much into the graph."""
     return Variant(name, (("detector", detector), ("layers", layers), ("factors", factors)))
 
 
 PAPER_VARIANTS = (
-    _variant("planes only", "gnn", "planes", "paper"),
-    _variant("S-Graphs+", "sgraphs", "rooms", "paper"),
-    _variant("rooms only", "gnn", "rooms", "paper"),
-    _variant("rooms and walls", "gnn", "rooms+walls", "paper"),
-    _variant("rooms only, informative", "gnn", "rooms", "informative"),
-    _variant("rooms and walls, informative", "gnn", "rooms+walls", "informative"),
+    make_variant("planes only", "gnn", "planes", "paper"),
+    make_variant("S-Graphs+", "sgraphs", "rooms", "paper"),
+    make_variant("rooms only", "gnn", "rooms", "paper"),
+    make_variant("rooms and walls", "gnn", "rooms+walls", "paper"),
+    make_variant("rooms only, informative", "gnn", "rooms", "informative"),
+    make_variant("rooms and walls, informative", "gnn", "rooms+walls", "informative"),
 )
 PAPER_PAIRS = (
     ("S-Graphs+", "planes only"),

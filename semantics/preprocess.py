@@ -296,7 +296,7 @@ def _without_duplicates(
     """Drops pieces that lie beside a longer one of the same side; a wall's two faces both stay.
     What is left, and the near pairs of it."""
     i, j = near
-    same = _dot(pieces.normal[i], pieces.normal[j]) > np.cos(config.duplicate_angle)
+    same = row_dots(pieces.normal[i], pieces.normal[j]) > np.cos(config.duplicate_angle)
     i, j = i[same], j[same]
     length, axis = pieces.length, _axes(pieces)
     ends = pieces.segment[j] - pieces.centre[i][:, None, :]  # of j about i
@@ -322,7 +322,7 @@ def _axes(pieces: Pieces) -> Array:
     return run / np.maximum(pieces.length, 1e-9)[:, None]
 
 
-def _dot(a: Array, b: Array) -> Array:
+def row_dots(a: Array, b: Array) -> Array:
     """(P,) products of the rows of (P, 2)."""
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
 
@@ -342,8 +342,8 @@ def _stubs(pieces: Pieces, bins: _Bins, config: PreprocessConfig) -> tuple[IntAr
     first, last = np.searchsorted(hole, np.stack(bins.places(pieces.plane_id, along)))
     holed = np.flatnonzero(first < last)
     i, j = (holed[k] for k in near_pairs(pieces.take(holed), 0.5 * config.passage))
-    away = _dot(pieces.centre[j] - pieces.centre[i], pieces.normal[i])
-    opposed = _dot(axis[i], axis[j]) < -np.cos(config.crossing)
+    away = row_dots(pieces.centre[j] - pieces.centre[i], pieces.normal[i])
+    opposed = row_dots(axis[i], axis[j]) < -np.cos(config.crossing)
     opposed &= (away > config.in_front) & (away < config.passage)
     which: list[int] = []
     at: list[float] = []
@@ -369,7 +369,7 @@ def _crossed(
     stands."""
     i, j = near
     axis, length = _axes(pieces), pieces.length
-    sine = np.abs(_dot(axis[j], pieces.normal[i]))
+    sine = np.abs(row_dots(axis[j], pieces.normal[i]))
     i, j, sine = (column[sine > np.sin(config.crossing)] for column in (i, j, sine))
     away = pieces.segment[j] - pieces.segment[i, 0][:, None, :]
     height = np.einsum("pkc,pc->pk", away, pieces.normal[i])  # of j's ends above i's line

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from semantics.preprocess import Pieces, near_pairs
+from semantics.preprocess import Pieces, near_pairs, row_dots
 from slam.core import Array, InputError, IntArray
 
 NEIGHBOURS = 15
@@ -121,13 +121,22 @@ class InvariantFeatures:
         n_i, n_j, centre = pieces.normal[i], pieces.normal[j], pieces.centre
         away = centre[j] - centre[i]
         lengths, half = pieces.length, 0.5 * pieces.length[i]
-        cosine = _dot(n_i, n_j)
+        cosine = row_dots(n_i, n_j)
         sine = n_i[:, 0] * n_j[:, 1] - n_i[:, 1] * n_j[:, 0]
-        x, y = n_i[:, 0] * away[:, 1] - n_i[:, 1] * away[:, 0], _dot(n_i, away)
+        x, y = n_i[:, 0] * away[:, 1] - n_i[:, 1] * away[:, 0], row_dots(n_i, away)
         wide, deep = 0.5 * lengths[j] * np.abs(cosine), 0.5 * lengths[j] * np.abs(sine)
         common = np.minimum(x + wide, half) - np.maximum(x - wide, -half)
         metres = np.column_stack(
-            [x, y, y - deep, y + deep, x - wide - half, x + wide + half, common, -_dot(n_j, away)]
+            [
+                x,
+                y,
+                y - deep,
+                y + deep,
+                x - wide - half,
+                x + wide + half,
+                common,
+                -row_dots(n_j, away),
+            ]
         )
         squashed = np.sign(metres) * np.log1p(np.abs(metres))
         return np.column_stack(
@@ -260,7 +269,7 @@ def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
     """
     eye = pieces.centre + 0.1 * pieces.normal
     away = eye[j] - eye[i]
-    ahead = (_dot(away, pieces.normal[i]) > 0.0) & (_dot(away, pieces.normal[j]) < 0.0)
+    ahead = (row_dots(away, pieces.normal[i]) > 0.0) & (row_dots(away, pieces.normal[j]) < 0.0)
     asked = np.flatnonzero(ahead)
     sight = shapely.linestrings(np.stack([eye[i[asked]], eye[j[asked]]], axis=1))
     tree = shapely.STRtree(shapely.linestrings(pieces.segment))
@@ -273,11 +282,6 @@ def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
         sides = _turn(start[None], end[None], eye)
         blocked[apart & (sides[i] * sides[j] < 0.0)] = 1.0
     return blocked
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """(E,) products of the rows of (E, 2)."""
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
 
 
 def _turn(a: Array, b: Array, c: Array) -> Array:

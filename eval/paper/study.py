@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.ablation import Ablation, Result, Variant, evaluate
+from eval.ablation import Ablation, Result, evaluate, make_variant
 from eval.config import RunConfig
 from eval.files import write_text
 from eval.paper.published import (
@@ -36,22 +36,18 @@ from worlds.planfile import plan_text
 INFORMATIVE = "Ours C, informative factors"
 
 
-def _variant(name: str, detector: str, layers: str, factors: str = "paper") -> Variant:
-    return Variant(name, (("detector", detector), ("layers", layers), ("factors", factors)))
-
-
 DETECTORS = (
-    _variant(HYDRA, "hydra", "planes"),
-    _variant(HYDRA_TUNED, "hydra-tuned", "planes"),
-    _variant(SGRAPHS, "sgraphs", "rooms"),
-    _variant(SGRAPHS_TUNED, "sgraphs-tuned", "rooms"),
-    _variant(OURS, "gnn", "rooms+walls"),
-    _variant(GREEDY, "gnn-greedy", "rooms+walls"),
+    make_variant(HYDRA, "hydra", "planes"),
+    make_variant(HYDRA_TUNED, "hydra-tuned", "planes"),
+    make_variant(SGRAPHS, "sgraphs", "rooms"),
+    make_variant(SGRAPHS_TUNED, "sgraphs-tuned", "rooms"),
+    make_variant(OURS, "gnn", "rooms+walls"),
+    make_variant(GREEDY, "gnn-greedy", "rooms+walls"),
 )
 VARIANTS = (
     *DETECTORS,
-    _variant(ROOMS_ONLY, "gnn", "rooms"),
-    _variant(INFORMATIVE, "gnn", "rooms+walls", "informative"),
+    make_variant(ROOMS_ONLY, "gnn", "rooms"),
+    make_variant(INFORMATIVE, "gnn", "rooms+walls", "informative"),
 )
 CAUSES = tuple(
     f"failures.{kind}_{cause}"
