@@ -40,7 +40,7 @@ def counts_table(scenes: Sequence[SceneCounts]) -> Table:
 def summary_table(metrics: Metrics) -> Table:
     """What a run scored, in six lines."""
     m, rooms, walls = metrics, metrics.rooms, metrics.walls
-    table = Table("", box=SIMPLE_HEAD)
+    table = Table("", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("precision", justify="right")
     table.add_column("recall", justify="right")
     table.add_column("")

@@ -11,6 +11,7 @@ import pytest
 
 from eval.config import RunConfig
 from eval.sinks import NullSink, Sink, Sinks, make_sink
+from eval.view.poses import Poses
 from eval.view.recorder import Recorder
 from eval.view.targets import FileTarget
 
@@ -80,6 +81,18 @@ def test_a_recording_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     sink.finished()
     assert path.stat().st_size > 0
     assert [entry.name for entry in tmp_path.iterdir()] == ["recording.rrd"]
+
+
+def test_no_pose_stays_behind(tmp_path: Path, play: Play, monkeypatch: pytest.MonkeyPatch) -> None:
+    waiting: list[Poses] = []
+
+    def send(poses: Poses, _: object) -> None:
+        waiting[:] = [other for other in waiting if other is not poses]
+
+    monkeypatch.setattr(Poses, "add", lambda poses, *_: waiting.append(poses))
+    monkeypatch.setattr(Poses, "send", send)
+    play(recorder(tmp_path / "recording.rrd"))
+    assert not waiting
 
 
 def test_finishing_twice_or_before_the_start_is_harmless(tmp_path: Path, play: Play) -> None:
