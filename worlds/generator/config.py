@@ -37,7 +37,8 @@ class GeneratorConfig:
     tapered: float = 5.0
     """by up to so much along each of its sides [degrees]; a few, as in much that is old."""
     cross: float = 0.0
-    """Chance that a long corridor is two, with a cross wall and a door between them."""
+    """Chance that a long corridor is two, with a cross wall and a door between them, and that one
+    round a corner is, with the wall at the corner."""
     piers: float = 0.0
     """Chance that a room has piers on its walls, and chases in them."""
     pillars: float = 0.0

@@ -128,11 +128,13 @@ def _hall(
 def _wings(
     rng: np.random.Generator, config: GeneratorConfig, gap: float
 ) -> tuple[list[Rect], set[int]]:
-    """A corridor round a corner, rooms along its outside, and a hall, rooms or nothing inside."""
+    """A corridor round a corner, or two with a wall at the corner; rooms along the outside, and a
+    hall, rooms or nothing inside."""
     a, b = (float(v) for v in rng.uniform(10.0, 28.0, 2))
     width = float(rng.uniform(1.5, 4.0))
     below, beside = (float(v) for v in rng.uniform(*config.room_depth, 2))
-    rects: list[Rect] = [(0.0, 0.0, a, width), (a - width, width, a, b)]
+    corner = gap if config.cross > 0.0 and rng.random() < config.cross else 0.0
+    rects: list[Rect] = [(0.0, 0.0, a, width), (a - width, width + corner, a, b)]
     rects += _row(rng, config, (0.0, -gap - below, a, -gap), gap)
     turned = _row(rng, config, (0.0, a + gap, b, a + gap + beside), gap)
     rects += [(y0, x0, y1, x1) for x0, y0, x1, y1 in turned]
