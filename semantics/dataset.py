@@ -25,18 +25,19 @@ from semantics.sight import SightConfig, Surfaces, seen, walk
 from slam.core import Array, IntArray, MapPlane
 from worlds.conditions import conditions_named
 from worlds.generator import GeneratorConfig, random_plan
+from worlds.plan import Plan
 from worlds.truth import Truth
 from worlds.world import true_mesh
 
 NOISE = Path(__file__).parent / "plane_noise.csv"
 """Length of a mapped plane [m], how far it was turned [rad] and shifted [m] off the true one."""
 CONDITIONS = (
-    ("as-built", 0.45),
+    ("as-built", 0.4),
     ("furniture", 0.2),
     ("furniture+open-doors", 0.1),
     ("office", 0.1),
     ("clutter", 0.05),
-    ("real-site", 0.1),
+    ("real-site", 0.15),
 )
 """What a building is drawn under, and how often."""
 
@@ -89,10 +90,15 @@ class DatasetConfig:
     def draw(self, seed: np.random.SeedSequence) -> list[Sample]:
         """Every view of one building."""
         rng = np.random.default_rng(seed)
-        plan = random_plan(rng, self.generator)
+        return self.views_of(random_plan(rng, self.generator), seed, rng)
+
+    def views_of(
+        self, plan: Plan, seed: np.random.SeedSequence, rng: np.random.Generator
+    ) -> list[Sample]:
+        """Every view of the lowest storey of a plan, built from the seed."""
         shares = np.array([share for _, share in self.conditions])
         name, _ = self.conditions[int(rng.choice(len(shares), p=shares / shares.sum()))]
-        truth, mesh = true_mesh(plan, seed, conditions_named(name))
+        truth, mesh = true_mesh(plan, seed, conditions_named(name), storey=0)
         surfaces = Surfaces(truth, mesh, self.sight)
         return [view_of(truth, surfaces, self, rng) for _ in range(self.views)]
 
