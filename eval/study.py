@@ -6,7 +6,7 @@ Features, networks, training set and clustering, each the paper's or ours, in ev
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from itertools import product
 from pathlib import Path
@@ -29,6 +29,7 @@ from semantics.train import (
 )
 from semantics.walls import walls_of
 from slam.core import IntArray
+from worlds.plan import Plan
 
 BARE = (("as-built", 1.0),)
 FAMILIES = {
@@ -49,6 +50,8 @@ FAMILIES = {
 degrees; the study's are not on sheared ones either."""
 TEST_SEED = 1_000_003
 """Far from any seed that somebody trains with."""
+VIEWS = 10
+"""Of each plan that is not drawn at random."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,17 @@ def held_out(processes: int) -> dict[str, list[Sample]]:
     return {
         name: [s for building in draw(family, TEST_SEED, processes) for s in building]
         for name, family in FAMILIES.items()
+    }
+
+
+def on_plans(plans: Mapping[str, Plan]) -> dict[str, list[Sample]]:
+    """Samples of plans by their names, bare and as built: what of their true faces is seen on some
+    walks, with the noise of mapped planes; the same each time."""
+    built = replace(FAMILIES["right-angled"], views=VIEWS)
+    seed = np.random.SeedSequence(TEST_SEED)
+    return {
+        name: built.views_of(plan, seed, np.random.default_rng(seed))
+        for name, plan in plans.items()
     }
 
 

@@ -153,10 +153,11 @@ def _mesh_of(content: _Content) -> Mesh:
 
 
 def true_mesh(
-    plan: Plan, seed: np.random.SeedSequence, conditions: Conditions
+    plan: Plan, seed: np.random.SeedSequence, conditions: Conditions, storey: int | None = None
 ) -> tuple[Truth, Mesh]:
     """Truth and surfaces of ``build_world`` without the rest: what training sets are made from."""
-    content = _content(plan, seed, conditions, _wanted(plan, None), plan.ramps)
+    ramps = plan.ramps if storey is None else ()
+    content = _content(plan, seed, conditions, _wanted(plan, storey), ramps)
     return content.truth, _mesh_of(content)
 
 

@@ -3,14 +3,19 @@ worth."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eval.commands.paper import plan_files
+from eval.names import refuse
+
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from semantics.dataset import Sample
     from semantics.train import TrainConfig
 
 Option = typer.Option
@@ -30,6 +35,10 @@ def train(
         bool,
         Option("--judge", help="Train nothing: judge the weights that ship on held-out buildings."),
     ] = False,
+    plans: Annotated[
+        str | None,
+        Option(help="For --judge, these instead: plan files or folders of them, as a.json,plans."),
+    ] = None,
     study: Annotated[
         bool,
         Option(
@@ -49,7 +58,11 @@ def train(
     from rich.console import Console
 
     console = Console()
-    if judge:
+    if plans is not None and not judge:
+        refuse("plans: expected together with --judge")
+    if plans is not None:
+        _judge_plans(console, plan_files(plans))
+    elif judge:
         _judge(console, out or Path())
     elif study:
         _study(console, seed, layouts, epochs, out or Path())
@@ -118,14 +131,36 @@ def _study(
 
 def _judge(console: Console, folder: Path) -> None:
     from eval.confusion import confusion_png
-    from eval.study import Row, held_out, sweep
-    from eval.study import judge as judged
-    from eval.studytables import JUDGED, concepts_table, edges_table, thresholds_table
-    from semantics.detector import CONSERVATIVE, PRESETS
+    from eval.study import held_out, sweep
+    from eval.studytables import thresholds_table
+    from semantics.detector import CONSERVATIVE
 
     tests = held_out(processes=2)
+    _print_judged(console, tests)
+    console.print()
+    known = [sample for family, drawn in tests.items() if family != "fanned" for sample in drawn]
+    console.print(thresholds_table(sweep(CONSERVATIVE, known)))
+    for family, drawn in tests.items():
+        path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
+        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+
+
+def _judge_plans(console: Console, files: Sequence[str]) -> None:
+    """From true faces: what is seen of them, with the noise of mapped planes."""
+    from eval.study import on_plans
+    from worlds.catalogue import load_scene
+
+    _print_judged(console, on_plans({Path(file).stem: load_scene(file) for file in files}))
+
+
+def _print_judged(console: Console, tests: Mapping[str, Sequence[Sample]]) -> None:
+    """Tables of what every detector makes of samples, by where they come from."""
+    from eval.study import Row, judge
+    from eval.studytables import JUDGED, concepts_table, edges_table
+    from semantics.detector import PRESETS
+
     rows = [
-        Row("", name, "", "", family, judged(preset, drawn))
+        Row("", name, "", "", family, judge(preset, drawn))
         for family, drawn in tests.items()
         for name, preset in PRESETS.items()
     ]
@@ -133,12 +168,6 @@ def _judge(console: Console, folder: Path) -> None:
     console.print(edges_table([row for row in rows if row.networks in first.values()], JUDGED))
     console.print()
     console.print(concepts_table(rows, JUDGED))
-    console.print()
-    known = [sample for family, drawn in tests.items() if family != "fanned" for sample in drawn]
-    console.print(thresholds_table(sweep(CONSERVATIVE, known)))
-    for family, drawn in tests.items():
-        path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
-        console.print(str(path), markup=False, highlight=False, soft_wrap=True)
 
 
 def _errors() -> Console:

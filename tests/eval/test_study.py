@@ -12,11 +12,23 @@ from rich.console import Console
 
 import eval.study
 from eval.bench_semantics import room_map
-from eval.study import Operating, Result, Row, StudyConfig, _rooms, _walls, study, write_study
+from eval.study import (
+    VIEWS,
+    Operating,
+    Result,
+    Row,
+    StudyConfig,
+    _rooms,
+    _walls,
+    on_plans,
+    study,
+    write_study,
+)
 from eval.studytables import STUDIED, TRAINED, concepts_table, edges_table, thresholds_table
 from semantics.dataset import DatasetConfig, Sample
 from semantics.detector import CONSERVATIVE
 from semantics.preprocess import Preprocessor
+from worlds.generator import GeneratorConfig, random_plan
 
 GROUPS = [np.arange(k, k + 4) for k in range(0, 16, 4)]
 
@@ -71,6 +83,17 @@ def test_each_row_of_a_table_is_one_line_of_eighty_columns() -> None:
         assert len(body) == lines
         assert "P     R" in head
         assert "\N{HORIZONTAL ELLIPSIS}" not in printed.get()
+
+
+def test_a_plan_is_seen_on_several_walks_the_same_each_time() -> None:
+    plan = random_plan(np.random.default_rng(4), GeneratorConfig(kinds=("cluster",)))
+    once, again = (on_plans({"hut": plan})["hut"] for _ in range(2))
+    assert len(once) == VIEWS
+    for one, other in zip(once, again, strict=True):
+        np.testing.assert_array_equal(one.pieces.segment, other.pieces.segment)
+    assert len({len(sample.pieces) for sample in once}) > 1
+    rooms = set(range(len(plan.storeys[0].rooms)))
+    assert rooms == {room for s in once for room in s.room.tolist() if room >= 0}
 
 
 @pytest.mark.slow
