@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from eval.edgelimits import EdgeLimit
     from eval.study import Operating, Row
 
 Choices = Mapping[str, Callable[["Row"], str]]
@@ -67,6 +68,15 @@ def thresholds_table(rows: Sequence[Operating]) -> Table:
         for row in rows
     ]
     return _table(["threshold"], (f"rooms\n{BOTH}", f"walls\n{BOTH}"), lines)
+
+
+def limits_table(rows: Sequence[EdgeLimit]) -> Table:
+    """Room edges told right and wrong, by what was seen of the rooms."""
+    lines = [
+        (row.of, _both(row.precision, row.recall), str(row.wrong), f"{row.expected:.0f}")
+        for row in rows
+    ]
+    return _table(["pairs of pieces"], (f"room edges\n{BOTH}", "wrong", "expected"), lines)
 
 
 def _both(first: float, second: float) -> str:

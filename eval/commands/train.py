@@ -131,8 +131,9 @@ def _study(
 
 def _judge(console: Console, folder: Path) -> None:
     from eval.confusion import confusion_png
+    from eval.edgelimits import edge_limits
     from eval.study import held_out, sweep
-    from eval.studytables import thresholds_table
+    from eval.studytables import limits_table, thresholds_table
     from semantics.detector import CONSERVATIVE
 
     tests = held_out(processes=2)
@@ -140,6 +141,8 @@ def _judge(console: Console, folder: Path) -> None:
     console.print()
     known = [sample for family, drawn in tests.items() if family != "fanned" for sample in drawn]
     console.print(thresholds_table(sweep(CONSERVATIVE, known)))
+    console.print()
+    console.print(limits_table(edge_limits(CONSERVATIVE.weights, known)))
     for family, drawn in tests.items():
         path = confusion_png(CONSERVATIVE.weights, drawn, folder / f"confusion_{family}.png")
         console.print(str(path), markup=False, highlight=False, soft_wrap=True)
