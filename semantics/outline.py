@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from shapely import make_valid
 from shapely.geometry import MultiPoint, Polygon
 
@@ -19,17 +20,26 @@ REACH = 1.5
 PARALLEL = 0.25
 """Sine of the angle below which two sides have no common corner."""
 
+ALONE = 1e6
+"""What it costs a side to close a round alone [m]: only one that is alone does."""
+BEFORE = 0.6
+"""A shorter side that stands so far before a longer one is a pier or a chase [m]."""
+
 Point = tuple[float, float]
 Side = tuple[Point, Point]
+Round = list[Side]
+"""Sides in the order in which they follow each other, the first after the last."""
 
 
 def room_outline(pieces: Pieces) -> tuple[Array, Array]:
     """Polygon (K, 2) and centre (2,) of a room; the centre lies in the polygon.
 
-    The sides are walked around the room with its inside on the left; neighbours are extended to
-    their common corner where that is near, and joined end to end where it is not.
+    The sides are walked around the room with its inside on the left, on the shortest way from end
+    to start that takes each once: neighbours are extended to their common corner where that is
+    near, and joined end to end where it is not. What closes by itself within that, a pillar, is
+    left out.
     """
-    polygon = _around(_walked(pieces))
+    polygon = _polygon(_joined(_rounds(_outer(_walked(pieces)))))
     if polygon is None:
         polygon = MultiPoint(pieces.segment.reshape(-1, 2)).convex_hull.buffer(0.05)
     centre = polygon.centroid
@@ -38,9 +48,98 @@ def room_outline(pieces: Pieces) -> tuple[Array, Array]:
     return np.array(polygon.exterior.coords[:-1]), np.array([centre.x, centre.y])
 
 
-def _around(sides: list[Side]) -> Polygon | None:
-    """The polygon through the corners; None where they make none."""
-    order = _by_bearing(sides)
+def _walked(pieces: Pieces) -> Round:
+    """Segments turned so that the normal is to the left of the way from start to end."""
+    walked = []
+    for ((ax, ay), (bx, by)), (nx, ny) in zip(
+        pieces.segment.tolist(), pieces.normal.tolist(), strict=True
+    ):
+        left = (bx - ax) * ny - (by - ay) * nx >= 0.0
+        walked.append(((ax, ay), (bx, by)) if left else ((bx, by), (ax, ay)))
+    return walked
+
+
+def _outer(sides: Round) -> Round:
+    """Without those that stand before a longer one."""
+    return [
+        side
+        for k, side in enumerate(sides)
+        if not any(_stands_before(side, other) for j, other in enumerate(sides) if j != k)
+    ]
+
+
+def _stands_before(side: Side, other: Side) -> bool:
+    """Is a side parallel to a longer one, close to it, and within its ends?"""
+    (ax, ay), (bx, by) = other
+    long = math.dist(*other)
+    if long <= math.dist(*side):
+        return False
+    x, y = (bx - ax) / long, (by - ay) / long
+    along = [(px - ax) * x + (py - ay) * y for px, py in side]
+    off = [(py - ay) * x - (px - ax) * y for px, py in side]
+    parallel = along[1] - along[0] > 0.9 * math.dist(*side)
+    middle = sum(along) / 2.0
+    return parallel and abs(sum(off) / 2.0) < BEFORE and 0.0 < middle < long
+
+
+def _rounds(sides: Round) -> list[Round]:
+    """The sides in closed rounds, with the least way between them in all."""
+    gap = [[_gap(side, following) for following in sides] for side in sides]
+    for place, row in enumerate(gap):
+        row[place] = ALONE
+    _, after = linear_sum_assignment(np.array(gap))
+    following = after.tolist()
+    rounds: list[Round] = []
+    waiting = set(range(len(sides)))
+    while waiting:
+        place = min(waiting)
+        order = []
+        while place in waiting:
+            waiting.remove(place)
+            order.append(sides[place])
+            place = following[place]
+        rounds.append(order)
+    return rounds
+
+
+def _gap(side: Side, following: Side) -> float:
+    """From the end of a side to the start of another one [m]."""
+    return math.dist(side[1], following[0])
+
+
+def _joined(rounds: list[Round]) -> Round:
+    """One round: the largest, and each other one that is no pillar within it, or is near, put in
+    where that makes the way longer by the least."""
+    whole, *others = sorted(rounds, key=_area, reverse=True)
+    for other in others:
+        added, at, start = min(
+            (
+                _gap(side, other[k])
+                + _gap(other[k - 1], whole[(i + 1) % len(whole)])
+                - _gap(side, whole[(i + 1) % len(whole)])
+                - _gap(other[k - 1], other[k]),
+                i,
+                k,
+            )
+            for i, side in enumerate(whole)
+            for k in range(len(other))
+        )
+        if _area(other) > 0.0 or added < REACH:
+            whole = [*whole[: at + 1], *other[start:], *other[:start], *whole[at + 1 :]]
+    return whole
+
+
+def _area(order: Round) -> float:
+    """Twice what a round encloses [m2], negative if it goes clockwise, around something."""
+    points = [point for side in order for point in side]
+    return sum(
+        ax * by - ay * bx
+        for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True)
+    )
+
+
+def _polygon(order: Round) -> Polygon | None:
+    """Through the corners; None where they make none."""
     corners: list[Point] = []
     for side, following in zip(order, [*order[1:], order[0]], strict=True):
         corners += _join(side, following)
@@ -52,29 +151,6 @@ def _around(sides: list[Side]) -> Polygon | None:
         parts = [part for part in getattr(mended, "geoms", [mended]) if isinstance(part, Polygon)]
         shape = max(parts, key=lambda part: part.area, default=Polygon())
     return shape if shape.area > 0.2 else None
-
-
-def _walked(pieces: Pieces) -> list[Side]:
-    """Segments turned so that the normal is to the left of the way from start to end."""
-    walked = []
-    for ((ax, ay), (bx, by)), (nx, ny) in zip(
-        pieces.segment.tolist(), pieces.normal.tolist(), strict=True
-    ):
-        left = (bx - ax) * ny - (by - ay) * nx >= 0.0
-        walked.append(((ax, ay), (bx, by)) if left else ((bx, by), (ax, ay)))
-    return walked
-
-
-def _by_bearing(sides: list[Side]) -> list[Side]:
-    """The sides by the direction of their middles from a point inside, the mean along the sides."""
-    length = [math.dist(a, b) for a, b in sides]
-    middle = [((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0) for a, b in sides]
-    total = sum(length)
-    x, y = (
-        sum(m[k] * size for m, size in zip(middle, length, strict=True)) / total for k in (0, 1)
-    )
-    bearing = [math.atan2(my - y, mx - x) for mx, my in middle]
-    return [sides[place] for place in sorted(range(len(sides)), key=lambda k: bearing[k])]
 
 
 def _join(side: Side, following: Side) -> list[Point]:
