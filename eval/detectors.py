@@ -9,6 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from eval.names import known, refuse
@@ -31,8 +32,9 @@ class NoDetector:
 def _trained(name: str) -> Callable[[TruthKeeper | None], Detector]:
     def make(_: TruthKeeper | None) -> Detector:
         from semantics.detector import make_detector
+        from semantics.storeys import by_storey
 
-        return make_detector(name)
+        return by_storey(partial(make_detector, name))
 
     return make
 
@@ -41,8 +43,9 @@ def _hydra(name: str) -> Callable[[TruthKeeper | None], Detector]:
     def make(_: TruthKeeper | None) -> Detector:
         from semantics.hydra.config import PRESETS
         from semantics.hydra.detector import HydraDetector
+        from semantics.storeys import by_storey
 
-        return HydraDetector(PRESETS[name])
+        return by_storey(partial(HydraDetector, PRESETS[name]))
 
     return make
 
@@ -51,8 +54,9 @@ def _sgraphs(name: str) -> Callable[[TruthKeeper | None], Detector]:
     def make(_: TruthKeeper | None) -> Detector:
         from semantics.sgraphs.config import PRESETS
         from semantics.sgraphs.detector import SgraphsDetector
+        from semantics.storeys import by_storey
 
-        return SgraphsDetector(PRESETS[name])
+        return by_storey(partial(SgraphsDetector, PRESETS[name]))
 
     return make
 

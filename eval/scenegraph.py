@@ -45,8 +45,11 @@ def scene_graph(
         nodes.append(
             RoomNode(node_id("room", room.id), pieces, room.polygon, room.centre, room.confidence)
         )
-    floors = tuple(node_id("plane", p.id) for p in view.planes if p.normal[2] > 0.7)
-    nodes.append(FloorNode(node_id("floor", 0), floors))
+    floors: dict[int, list[str]] = {storey: [] for storey in sorted(_storeys(view, proposals))}
+    for plane in view.planes:
+        if plane.normal[2] > 0.7:
+            floors[plane.storey].append(node_id("plane", plane.id))
+    nodes += [FloorNode(node_id("floor", s), tuple(planes)) for s, planes in floors.items()]
     labels = {node_id(layer, number): label for (layer, number), label in truth.items()}
     return SceneGraph(tuple(nodes), tuple(_edges(view, proposals)), labels)
 
@@ -67,5 +70,11 @@ def _edges(view: MapView, proposals: Proposals) -> list[GraphEdge]:
     for room in proposals.rooms:
         planes = dict.fromkeys(piece.plane_id for piece in room.pieces)
         edges += [GraphEdge("room", node_id("room", room.id), node_id("plane", p)) for p in planes]
-        edges.append(GraphEdge("floor", node_id("floor", 0), node_id("room", room.id)))
+        floor = node_id("floor", room.storey)
+        edges.append(GraphEdge("floor", floor, node_id("room", room.id)))
     return edges
+
+
+def _storeys(view: MapView, proposals: Proposals) -> set[int]:
+    """Those that have planes or rooms; the first one always."""
+    return {0, *(p.storey for p in view.planes), *(room.storey for room in proposals.rooms)}

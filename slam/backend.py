@@ -27,6 +27,7 @@ from slam.nodes import one_in_a_room, room_nodes, wall_nodes
 from slam.path import Anchor, Path
 from slam.planemap import PlaneMap, PlaneMapConfig
 from slam.relations import RelationConfig, Relations
+from slam.storeys import Storeys
 from slam.support import Observed
 
 
@@ -56,7 +57,8 @@ class BackEnd:
         self._config = config
         self._graph = LayeredGraph(config.graph)
         self._estimates = self._graph.estimates
-        self._planes = PlaneMap(self._estimates, config.planes)
+        self._storeys = Storeys()
+        self._planes = PlaneMap(self._estimates, self._storeys, config.planes)
         self._path = Path()
         self._keyframes: list[Frame] = []
         self._scans: list[KeyframeScan] = []
@@ -95,6 +97,7 @@ class BackEnd:
             return nearest, inverse(self._estimates.poses[nearest]) @ T_map_base
         self._way = way
         self._graph.add_keyframe(keyframe, T_map_base, step)
+        self._storeys.add(T_map_base)
         self._keyframes.append(frame)
         self._scans.append(frame.keyframe)
         for (place, observation), plane in zip(planes, known, strict=True):
@@ -225,7 +228,7 @@ class BackEnd:
 
     def keyframes(self) -> Sequence[Keyframe]:
         """All keyframes with their poses as estimated now."""
-        return Keyframes(self._keyframes, self._estimates.poses.copy())
+        return Keyframes(self._keyframes, self._estimates.poses.copy(), self._storeys)
 
     @property
     def plane_count(self) -> int:

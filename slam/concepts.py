@@ -26,11 +26,13 @@ class ConceptConfig:
 
 @dataclass(frozen=True)
 class RoomNode:
-    """A room to enter the graph: plane ids, the opposed pairs among them, and its centre (3,)."""
+    """A room to enter the graph: plane ids, the opposed pairs among them, its centre (3,), and the
+    storey that it is on."""
 
     planes: tuple[int, ...]
     pairs: tuple[tuple[int, int], ...]
     centre: Array
+    storey: int = 0
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,9 @@ class Concepts:
         """Plane ids of each room or wall."""
         return {name: node.planes for name, node in self._held[layer].items()}
 
-    def floor(self) -> Array | None:
-        """The floor node's place (2,), once there is a room."""
-        key = gtsam.symbol(FLOOR, 0)
+    def floor(self, storey: int = 0) -> Array | None:
+        """The place (2,) of a storey's floor node, once there is a room."""
+        key = gtsam.symbol(FLOOR, storey)
         return self._solver.point2(key) if self._solver.holds(key) else None
 
     def _replace(self, layer: str, nodes: dict[int, RoomNode | WallNode]) -> None:
@@ -105,7 +107,7 @@ class Concepts:
             factor = room_factor(key, planes, node.pairs, node.centre, noise)
             if not known:
                 self._solver.insert(key, node.centre[:2])
-                self._join_floor(name, key, node.centre)
+                self._join_floor(name, key, node)
         else:
             noise = gtsam.noiseModel.Isotropic.Sigma(3, self._config.wall_sigma)
             factor = wall_factor(key, planes, node.centre, noise)
@@ -114,15 +116,17 @@ class Concepts:
         self._solver.add((layer, name), factor)
         self._held[layer][name] = node
 
-    def _join_floor(self, room: int, key: int, centre: Array) -> None:
-        """The floor node is tied to its rooms by their relative position when found (S-Graphs+)."""
-        floor_key = gtsam.symbol(FLOOR, 0)
-        floor = self.floor()
+    def _join_floor(self, room: int, key: int, node: RoomNode) -> None:
+        """A floor node is tied to its rooms by their relative position when found (S-Graphs+)."""
+        floor_key, centre = gtsam.symbol(FLOOR, node.storey), node.centre
+        floor = self.floor(node.storey)
         if floor is None:
             floor = centre[:2]
             self._solver.insert(floor_key, floor)
             weak = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-            self._solver.add(("floor", 0), gtsam.PriorFactorPoint2(floor_key, floor, weak))
+            self._solver.add(
+                ("floor", node.storey), gtsam.PriorFactorPoint2(floor_key, floor, weak)
+            )
         noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
         factor = gtsam.BetweenFactorPoint2(floor_key, key, centre[:2] - floor, noise)
         self._solver.add((FLOOR, room), factor)

@@ -202,13 +202,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A keyframe with its pose as estimated now."""
+    """A keyframe with its pose as estimated now, and the storey that the base was on."""
 
     id: int
     scan_index: int
     stamp: float
     T_map_base: Array
     scan: KeyframeScan
+    storey: int = 0
 
 
 # --- the map -------------------------------------------------------------------------------------
@@ -226,8 +227,9 @@ class MapPlane:
     """A mapped plane in the map frame, as estimated now; n.x + d = 0, n to where it was seen from.
 
     points: (M, 3) map frame, thinned; point_ids: (M,) where they came from (``point_ids``);
-    keyframes: (K,) ids of the keyframes that saw it; revision: grows with every change, so that
-    whoever reads planes can keep what it derived from an unchanged one.
+    keyframes: (K,) ids of the keyframes that saw it; storey: the one that most of these were on;
+    revision: grows with every change, so that whoever reads planes can keep what it derived from an
+    unchanged one.
     """
 
     id: int
@@ -237,6 +239,7 @@ class MapPlane:
     point_ids: IntArray
     keyframes: IntArray
     revision: int = 0
+    storey: int = 0
 
     @property
     def horizontal(self) -> bool:
@@ -312,6 +315,7 @@ class RoomProposal:
     polygon: Array | None
     centre: Array
     confidence: float
+    storey: int = 0
 
 
 @dataclass(frozen=True)

@@ -168,9 +168,9 @@ class LayeredGraph:
         """Plane ids of each room or wall in the graph."""
         return self._concepts.planes(layer)
 
-    def floor(self) -> Array | None:
-        """The floor node's place (2,), once there is a room."""
-        return self._concepts.floor()
+    def floor(self, storey: int = 0) -> Array | None:
+        """The place (2,) of a storey's floor node, once there is a room."""
+        return self._concepts.floor(storey)
 
     # --- relations ---
 

@@ -9,6 +9,7 @@ from typing import overload
 import numpy as np
 
 from slam.core import Array, Frame, Keyframe, KeyframeScan, PlaneObservation
+from slam.storeys import Storeys
 
 log = logging.getLogger(__name__)
 
@@ -35,9 +36,10 @@ def _usable(observation: PlaneObservation) -> bool:
 class Keyframes(Sequence[Keyframe]):
     """Keyframes that are made when they are looked at: there may be thousands. poses: (K, 4, 4)."""
 
-    def __init__(self, frames: list[Frame], poses: Array):
+    def __init__(self, frames: list[Frame], poses: Array, storeys: Storeys):
         self._frames = frames
         self._poses = poses
+        self._storeys = storeys
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -52,4 +54,5 @@ class Keyframes(Sequence[Keyframe]):
         k = range(len(self))[place]
         frame = self._frames[k]
         assert frame.keyframe is not None
-        return Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe)
+        storey = self._storeys.of(k)
+        return Keyframe(k, frame.index, frame.stamp, self._poses[k], frame.keyframe, storey)

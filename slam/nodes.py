@@ -47,7 +47,7 @@ def _room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode
         return None
     pairs = opposed_pairs([normals[plane] for plane in ids])
     height = float(np.mean([np.mean(planes.view(plane).z_range) for plane in ids]))
-    return RoomNode(ids, pairs, np.append(room.centre, height))
+    return RoomNode(ids, pairs, np.append(room.centre, height), room.storey)
 
 
 def _wall_node(wall: WallProposal, planes: PlaneMap) -> WallNode | None:

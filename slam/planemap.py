@@ -15,6 +15,7 @@ from slam.core import Array, MapPlane, PlaneObservation, transform_points
 from slam.estimates import Estimates
 from slam.likeness import Likeness
 from slam.planeviews import PlaneViews
+from slam.storeys import Storeys
 from slam.support import Observed, Support
 
 
@@ -40,11 +41,13 @@ class PlaneMapConfig:
 class PlaneMap:
     """Mapped planes by id, with what supports each."""
 
-    def __init__(self, estimates: Estimates, config: PlaneMapConfig = PlaneMapConfig()):
+    def __init__(
+        self, estimates: Estimates, storeys: Storeys, config: PlaneMapConfig = PlaneMapConfig()
+    ):
         self._config = config
         self._estimates = estimates
         self._supports: dict[int, Support] = {}
-        self._views = PlaneViews(estimates, config.plane_moved, config.pose_moved)
+        self._views = PlaneViews(estimates, storeys, config.plane_moved, config.pose_moved)
         self._likeness = Likeness(estimates, self._supports, self._views, config.association)
         self._of_keyframe: dict[int, set[int]] = {}
         self._unchecked: set[int] = set()

@@ -134,6 +134,20 @@ def test_rooms_and_walls_enter_the_graph_and_leave_it(frames):
     assert graph.variable_count() == size - 2
 
 
+def test_each_storey_has_a_floor(frames):
+    made, _ = frames
+
+    def on_both(view):
+        below = room_of(view).rooms[0]
+        return Proposals((below, replace(below, id=1, storey=1)))
+
+    graph = run(made, proposals=on_both).graph()
+    assert set(graph.concept_planes("r")) == {0, 1}
+    assert graph.floor(0) is not None
+    assert graph.floor(1) is not None
+    assert graph.floor(2) is None
+
+
 def test_a_room_may_come_back_before_the_graph_has_let_it_go(frames):
     backend = run(frames[0], proposals=room_of)
     size = backend.graph().variable_count()

@@ -46,7 +46,7 @@ def test_a_recording_holds_the_scene_graph(tmp_path: Path, play: Play) -> None:
         "map/walls/0/slab",
         "map/graph/rooms/7/edges",
         "map/graph/rooms/8/node",
-        "map/graph/floor/node",
+        "map/graph/floors/0/node",
         "map/judgement/false",
         "truth/judgement/missed",
     ):
