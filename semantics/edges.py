@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semantics.forward import Forward
 from semantics.names import names_of, places_of
 from semantics.preprocess import Pieces, near_pairs
 from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
-
-if TYPE_CHECKING:
-    from semantics.network import EdgeClassifier
 
 
 @dataclass(frozen=True)
@@ -39,36 +36,27 @@ class EdgeModel:
 
     def __init__(self, weights: Sequence[Path]):
         self._networks = [_loaded(path) for path in weights]
-        known = [r for network in self._networks for r in network[0].config.relations]
+        known = [r for network in self._networks for r in network.config.relations]
         if sorted(known) != ["same_room", "same_wall"]:
             raise InputError(f"{weights[0]}: expected same_room and same_wall, got {known}")
-        config = self._networks[0][0].config
+        config = self._networks[0].config
         self._features, self._neighbours = features_named(config.features), config.neighbours
-        if any(n.config.features != config.features for n, _ in self._networks):
+        if any(network.config.features != config.features for network in self._networks):
             raise InputError(f"{weights[-1]}: expected the features {config.features!r}")
 
     def __call__(self, pieces: Pieces) -> Edges:
         """All edges of the graph over these pieces."""
-        from semantics.network import probabilities
-
         graph = proximity_graph(pieces, self._features, self._neighbours)
         told: dict[str, Array] = {}
-        for model, temperature in self._networks:
-            columns = probabilities(model, temperature, graph).T
-            told.update(zip(model.config.relations, columns, strict=True))
+        for network in self._networks:
+            told.update(zip(network.config.relations, network(graph).T, strict=True))
         return Edges(graph.pairs, told["same_room"], told["same_wall"])
 
 
 @cache
-def _loaded(path: Path) -> tuple[EdgeClassifier, float]:
+def _loaded(path: Path) -> Forward:
     """Reading weights takes longer than an inference; they are the same for every run."""
-    import torch
-
-    from semantics.network import load
-
-    torch.set_num_threads(1)  # graphs are small: more threads only get in each other's way
-    model, checkpoint = load(path)
-    return model, checkpoint.temperature
+    return Forward.load(path)
 
 
 @dataclass(frozen=True)
