@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray
 
 

@@ -14,7 +14,8 @@ from semantics.cycles import cycles, has_opposed_sides, mean_centre
 from semantics.edges import EdgeModel, Edges, LocalEdges
 from semantics.habit import Habit
 from semantics.outline import room_outline
-from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor, joined
+from semantics.pieces import Pieces, PreprocessConfig, joined
+from semantics.preprocess import Preprocessor
 from semantics.tracker import RoomTracker, WallTracker
 from semantics.walls import WallConfig, trimmed, walls_of
 from slam.core import (

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from semantics.forward import Forward
 from semantics.names import names_of, places_of
-from semantics.preprocess import Pieces, near_pairs
+from semantics.near import boxes, touching
+from semantics.pieces import Pieces
 from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
 
@@ -168,14 +169,7 @@ class LocalEdges:
 
 def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:
     """(M,) pieces whose bounding box comes within reach of one of the spots (S, 2, 2)."""
-    count = len(spots)
-    both = Pieces(
-        np.zeros(count + len(pieces), dtype=np.int64),
-        np.concatenate([spots, pieces.segment]),
-        np.zeros((count + len(pieces), 2)),
-        np.zeros((count + len(pieces), 2)),
-    )
-    _, j = near_pairs(both, 0.5 * reach, np.arange(count))
+    _, j = touching(boxes(spots, 0.5 * reach), boxes(pieces.segment, 0.5 * reach))
     found = np.zeros(len(pieces), dtype=bool)
-    found[j[j >= count] - count] = True
+    found[j] = True
     return found

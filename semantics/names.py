@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import IntArray
 
 MOST = 1 << 12

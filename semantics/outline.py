@@ -11,7 +11,7 @@ import numpy as np
 from shapely import make_valid
 from shapely.geometry import MultiPoint, Polygon
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array
 
 REACH = 1.5

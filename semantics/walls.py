@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray, PlanePiece
 
 MOST = np.radians(8.0)
