@@ -1,4 +1,4 @@
-"""The outline of a room from the pieces that bound it.
+"""The outlines of rooms from the pieces that bound them.
 
 Written out in plain numbers: a room has a handful of sides, for which arrays are slower.
 """
@@ -6,10 +6,12 @@ Written out in plain numbers: a room has a handful of sides, for which arrays ar
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-from shapely import make_valid
-from shapely.geometry import MultiPoint, Polygon
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPoint, Polygon
 
 from semantics.pieces import Pieces
 from slam.core import Array
@@ -19,39 +21,57 @@ REACH = 1.5
 PARALLEL = 0.25
 """Sine of the angle below which two sides have no common corner."""
 
+EMPTY = Polygon()
+
 Point = tuple[float, float]
 Side = tuple[Point, Point]
 
 
-def room_outline(pieces: Pieces) -> tuple[Array, Array]:
-    """Polygon (K, 2) and centre (2,) of a room; the centre lies in the polygon.
+def room_outlines(rooms: Sequence[Pieces]) -> list[tuple[Array, Array]]:
+    """Polygon (K, 2) and centre (2,) of each room; the centre lies in the polygon.
 
     The sides are walked around the room with its inside on the left; neighbours are extended to
     their common corner where that is near, and joined end to end where it is not.
     """
-    polygon = _around(_walked(pieces))
-    if polygon is None:
-        polygon = MultiPoint(pieces.segment.reshape(-1, 2)).convex_hull.buffer(0.05)
-    centre = polygon.centroid
-    if not polygon.contains(centre):
-        centre = polygon.representative_point()
-    return np.array(polygon.exterior.coords[:-1]), np.array([centre.x, centre.y])
+    if not rooms:
+        return []
+    shapes = _polygons([_corners(_walked(pieces)) for pieces in rooms])
+    for place in np.flatnonzero(shapely.area(shapes) <= 0.2).tolist():
+        ends = MultiPoint(rooms[place].segment.reshape(-1, 2))
+        shapes[place] = ends.convex_hull.buffer(0.05)
+    centre = shapely.centroid(shapes)
+    outside = ~shapely.contains(shapes, centre)
+    centre[outside] = shapely.point_on_surface(shapes[outside])
+    rings = shapely.get_exterior_ring(shapes)
+    bounds = np.cumsum(shapely.get_num_coordinates(rings))
+    outlines = np.split(shapely.get_coordinates(rings), bounds[:-1])
+    return [
+        (outline[:-1], at)
+        for outline, at in zip(outlines, shapely.get_coordinates(centre), strict=True)
+    ]
 
 
-def _around(sides: list[Side]) -> Polygon | None:
-    """The polygon through the corners; None where they make none."""
-    order = _by_bearing(sides)
-    corners: list[Point] = []
-    for side, following in zip(order, [*order[1:], order[0]], strict=True):
-        corners += _join(side, following)
-    if len(corners) < 3:
-        return None
-    shape = Polygon(corners)
-    if not shape.is_valid:
-        mended = make_valid(shape)
+def _polygons(corners: Sequence[list[Point]]) -> NDArray[np.object_]:
+    """The polygons through the corners; an empty one where they make none."""
+    shapes = np.full(len(corners), EMPTY, dtype=object)
+    number = np.array([len(points) for points in corners])
+    made = np.flatnonzero(number >= 3)
+    points = np.array([point for place in made.tolist() for point in corners[place]])
+    if len(made):
+        owner = np.repeat(np.arange(len(made)), number[made])
+        shapes[made] = shapely.polygons(shapely.linearrings(points, indices=owner))
+    for place in np.flatnonzero(~shapely.is_valid(shapes)).tolist():
+        mended = shapely.make_valid(shapes[place])
         parts = [part for part in getattr(mended, "geoms", [mended]) if isinstance(part, Polygon)]
-        shape = max(parts, key=lambda part: part.area, default=Polygon())
-    return shape if shape.area > 0.2 else None
+        shapes[place] = max(parts, key=lambda part: part.area, default=EMPTY)
+    return shapes
+
+
+def _corners(sides: list[Side]) -> list[Point]:
+    """From side to side, by the direction in which they lie."""
+    order = _by_bearing(sides)
+    pairs = zip(order, [*order[1:], order[0]], strict=True)
+    return [corner for side, following in pairs for corner in _join(side, following)]
 
 
 def _walked(pieces: Pieces) -> list[Side]:

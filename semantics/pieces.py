@@ -109,6 +109,10 @@ class Pieces:
         """One of them, as proposals name it."""
         return PlanePiece(int(self.plane_id[place]), self.segment[place])
 
+    def every(self) -> tuple[PlanePiece, ...]:
+        """All of them, as proposals name them."""
+        return tuple(map(PlanePiece, self.plane_id.tolist(), self.segment))
+
 
 def joined(parts: Sequence[Pieces]) -> Pieces:
     """All pieces in one."""
