@@ -20,6 +20,8 @@ def stubs(pieces: Pieces, bins: Bins, config: PreprocessConfig) -> tuple[IntArra
     """Pieces, and where [m] from their start, that have a hole opposite another face's hole; and
     the lines (B, 2, 2) between the two."""
     hole = bins.holes(config)
+    if len(hole) == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 2, 2))
     middle = 0.5 * (bins.middle[hole] + bins.middle[hole + 1])
     along, axis = pieces.along, pieces.axis
     first, last = np.searchsorted(hole, np.stack(bins.places(pieces.plane_id, along)))
@@ -69,6 +71,8 @@ def crossed(
     i, j, at, least, rise = i[cut], j[cut], at[cut], least[cut], rise[cut]
     free = (pieces.length[j] > config.wall) | _as_high(pieces, i, j, at, bins, config)
     far = np.flatnonzero(free & (least > config.in_front))
+    if len(far) == 0:
+        return i[free], at[free]
     nearest = pieces.segment[j[far], (rise[far] < 0.0).astype(np.int64)]
     foot = pieces.segment[i[far], 0] + at[far, None] * pieces.axis[i[far]]
     free[far] = _in_sight(pieces, nearest, foot)

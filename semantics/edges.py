@@ -94,9 +94,11 @@ class LocalEdges:
         changed, gone = self._changes(pieces, before)
         asked, shown = self._surroundings(pieces, before, changed, gone)
         if len(shown) > self._config.most * len(pieces):
-            asked, shown = np.ones(len(pieces), dtype=bool), np.arange(len(pieces))
-        self._edges = self._update(pieces, before, asked, shown)
-        self._remember(pieces, key, before, asked)
+            self._edges, self._pieces = self._model(pieces), pieces
+        else:
+            self._edges = self._update(pieces, before, asked, shown)
+            self._pieces = self._remembered(pieces, before, asked)
+        self._key = key
         return self._edges
 
     def _changes(self, pieces: Pieces, before: IntArray) -> tuple[NDArray[np.bool_], Array]:
@@ -125,9 +127,9 @@ class LocalEdges:
 
     def _partners(self, before: IntArray, asked: NDArray[np.bool_]) -> IntArray:
         """Pieces that had an edge with one of those asked for, however far away."""
-        pairs = self._places(before)[self._edges.pairs]
-        pairs = pairs[(pairs >= 0).all(axis=1)]
-        return pairs[asked[pairs].any(axis=1)].ravel()
+        i, j = self._places(before)[self._edges.pairs].T
+        mine = (i >= 0) & (j >= 0) & (asked[i] | asked[j])
+        return np.concatenate([i[mine], j[mine]])
 
     def _places(self, before: IntArray) -> IntArray:
         """(known,) where each of the known pieces is now, -1 if it is gone."""
@@ -138,33 +140,30 @@ class LocalEdges:
     def _update(
         self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_], shown: IntArray
     ) -> Edges:
-        old, kept = self._edges, self._places(before)[self._edges.pairs]
-        there = np.asarray((kept >= 0).all(axis=1))
-        old, kept = old.take(there), kept[there]
-        stay = np.asarray(~asked[kept].any(axis=1))
-        old, kept = old.take(stay), np.sort(kept[stay], axis=1)
+        kept = self._places(before)[self._edges.pairs]
+        i, j = kept.T
+        stay = (i >= 0) & (j >= 0) & ~(asked[i] | asked[j])
+        old, kept = self._edges.take(stay), np.sort(kept[stay], axis=1)
         if len(shown) == 0:
             return Edges(kept, old.room, old.wall)
         new = self._model(pieces.take(shown))
-        new_pairs = shown[new.pairs]
-        wanted = np.asarray(asked[new_pairs].any(axis=1))
+        pairs = shown[new.pairs]
+        wanted = asked[pairs[:, 0]] | asked[pairs[:, 1]]
         new = new.take(wanted)
         return Edges(
-            np.concatenate([kept, new_pairs[wanted]]),
+            np.concatenate([kept, pairs[wanted]]),
             np.concatenate([old.room, new.room]),
             np.concatenate([old.wall, new.wall]),
         )
 
-    def _remember(
-        self, pieces: Pieces, key: IntArray, before: IntArray, asked: NDArray[np.bool_]
-    ) -> None:
+    def _remembered(self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_]) -> Pieces:
         """Pieces as they were when their edges were worked out, so that no drift adds up."""
-        if self._pieces is not None:
-            segment, height = pieces.segment.copy(), pieces.height.copy()
-            segment[~asked] = self._pieces.segment[before[~asked]]
-            height[~asked] = self._pieces.height[before[~asked]]
-            pieces = replace(pieces, segment=segment, height=height)
-        self._pieces, self._key = pieces, key
+        if self._pieces is None:
+            return pieces
+        segment, height = pieces.segment.copy(), pieces.height.copy()
+        segment[~asked] = self._pieces.segment[before[~asked]]
+        height[~asked] = self._pieces.height[before[~asked]]
+        return replace(pieces, segment=segment, height=height)
 
 
 def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:

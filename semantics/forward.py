@@ -19,6 +19,9 @@ from slam.core import Array, Floats, IntArray
 
 SLOPE = 0.2
 """Of the leaky rectifier in the attention."""
+HUB = 4
+"""Times the edges: where some node has so many that every node with as many slots would be more,
+edges are gone through one by one; else slot by slot, which is faster (empty ones repeat an edge)."""
 F32 = NDArray[np.float32]
 Weights = Mapping[str, Floats]
 
@@ -73,7 +76,10 @@ class _Ways:
         self.target = target.take(self.order)
         self._degree = np.bincount(source, minlength=count)
         self._joined = np.flatnonzero(self._degree)
-        self._first = (np.cumsum(self._degree) - self._degree).take(self._joined)
+        degree = self._degree[self._joined]
+        self._first = np.cumsum(degree) - degree
+        most = int(degree.max())
+        self._slots = self._first + np.minimum(np.arange(most)[:, None], degree - 1)
         place = np.empty_like(self.order)
         place[self.order] = np.arange(len(self.order))
         self.there, self.back = place.reshape(2, -1)
@@ -86,12 +92,20 @@ class _Ways:
         """(N, .) -> (E, .)"""
         return values.take(self.target, axis=0)
 
-    def by_source(self, how: np.ufunc, values: F32) -> F32:
-        """(E, .) -> (N, .), all edges of a node made one; 0 for a node without edges."""
-        found = how.reduceat(values, self._first, axis=0)
+    def most(self, values: F32) -> F32:
+        """(E, .) -> (N, .), the largest of all edges of a node; 0 for a node without edges."""
+        if self._slots.size > HUB * len(values):
+            return self._whole(np.maximum.reduceat(values, self._first, axis=0))
+        return self._whole(values.take(self._slots, axis=0).max(axis=0))
+
+    def total(self, values: F32) -> F32:
+        """(E, .) -> (N, .), the sum over all edges of a node."""
+        return self._whole(np.add.reduceat(values, self._first, axis=0))
+
+    def _whole(self, found: F32) -> F32:
         if len(self._joined) == len(self._degree):
             return found
-        whole = np.zeros((len(self._degree), values.shape[1]), dtype=np.float32)
+        whole = np.zeros((len(self._degree), found.shape[1]), dtype=np.float32)
         whole[self._joined] = found
         return whole
 
@@ -157,11 +171,11 @@ class _Hop:
     def __call__(self, v: F32, e: F32, ways: _Ways) -> tuple[F32, F32]:
         seen = self._attend(v, e, ways)  # (E, C)
         score = np.maximum(seen, np.float32(SLOPE) * seen) @ self._score  # (E, H)
-        weight = np.exp(score - ways.of_source(ways.by_source(np.maximum, score)))  # (E, H)
+        weight = np.exp(score - ways.of_source(ways.most(score)))  # (E, H)
         message = self._message(v, e, ways)
         message *= weight @ self._spread  # (E, C)
-        most = ways.by_source(np.maximum, message)  # (N, C)
-        total = ways.by_source(np.add, weight)  # (N, H), at least 1 where there are edges
+        most = ways.most(message)  # (N, C)
+        total = ways.total(weight)  # (N, H), at least 1 where there are edges
         most /= np.maximum(total, np.float32(1.0)) @ self._spread
         v_next = _relu(self._node(np.concatenate([v, most], axis=1)))
         return v_next, _relu(self._edge(v, e, ways))

@@ -56,7 +56,7 @@ class Preprocessor:
         fresh = runs_of(upright, self._config)
         self._runs = self._runs.updated(fresh, self._runs.places(same))
         self._revisions = {plane.id: plane.revision for plane in planes}
-        return self._runs.take(self._runs.places(order)).stretches
+        return self._runs.stretches_of(order)
 
     def _seen(self, pieces: Pieces, bins: Bins) -> Pieces:
         """With the heights of what is left of each; without those that a cut has left with hardly

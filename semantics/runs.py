@@ -41,6 +41,12 @@ class Runs:
             self.bin_count[places],
         )
 
+    def stretches_of(self, plane_id: IntArray) -> Pieces:
+        """Of those of the planes (Q,) that are here, in that order."""
+        if np.array_equal(plane_id, self.plane_id):
+            return self.stretches
+        return self.stretches.take(_members(self.stretch_count, self.places(plane_id)))
+
     def places(self, plane_id: IntArray) -> IntArray:
         """(Q,) of those of the planes (Q,) that are here."""
         place = np.searchsorted(self.plane_id, plane_id)

@@ -48,10 +48,11 @@ def walls_of(
     taken: dict[int, list[_Claim]] = {}
     chosen = []
     for place, claims in zip(good.tolist(), _claims(pieces, pairs[good], room), strict=True):
-        if not any(_is_told(claim, taken.get(plane, ())) for plane, claim in claims):
+        (p, here), (q, there) = claims
+        if not (_is_told(here, taken.get(p, ())) or _is_told(there, taken.get(q, ()))):
             chosen.append(place)
-            for plane, claim in claims:
-                taken.setdefault(plane, []).append(claim)
+            taken.setdefault(p, []).append(here)
+            taken.setdefault(q, []).append(there)
     return np.array(sorted(chosen), dtype=np.int64)
 
 
@@ -76,10 +77,11 @@ def _claims(
 def _is_told(claim: _Claim, known: Iterable[_Claim]) -> bool:
     """Has a wall between the same rooms been told of the same two planes, or of this stretch?"""
     other, rooms, low, high = claim
-    return any(
-        (other == plane or (low < end and start < high)) and _may_be_same(rooms, theirs)
-        for plane, theirs, start, end in known
-    )
+    for plane, theirs, start, end in known:
+        near = other == plane or (low < end and start < high)
+        if near and _may_be_same(rooms, theirs):
+            return True
+    return False
 
 
 def _stretches(pieces: Pieces, pairs: IntArray) -> tuple[Array, Array]:
@@ -110,7 +112,8 @@ def trimmed(pieces: Pieces, pairs: IntArray) -> list[PlanePiece]:
 
 def _may_be_same(rooms: tuple[int, int], others: tuple[int, int]) -> bool:
     """Two pairs of rooms, -1 for an unknown one."""
-    return all(a == b or -1 in (a, b) for a, b in zip(rooms, others, strict=True))
+    (a, b), (c, d) = rooms, others
+    return (a == c or a < 0 or c < 0) and (b == d or b < 0 or d < 0)
 
 
 def _back_to_back(pieces: Pieces, pairs: IntArray, config: WallConfig) -> Array:
