@@ -72,7 +72,7 @@ class _Ways:
     (E / 2,) where the two directions of each pair are."""
 
     def __init__(self, source: IntArray, target: IntArray, count: int):
-        self.order = np.argsort(source, kind="stable")
+        self.order = np.argsort(source.astype(np.min_scalar_type(count)), kind="stable")
         self.target = target.take(self.order)
         self._degree = np.bincount(source, minlength=count)
         self._joined = np.flatnonzero(self._degree)

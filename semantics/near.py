@@ -21,7 +21,10 @@ MOST = 8_000_000
 def boxes(segments: Array, reach: float | Array = 0.0) -> Boxes:
     """Around segments (M, 2, 2), each grown by ``reach``, or by its own (M,) [m]."""
     start, end = columns(segments)
-    return np.stack([np.minimum(start, end) - reach, np.maximum(start, end) + reach])
+    grown = np.empty((2, *start.shape))
+    np.subtract(np.minimum(start, end), reach, out=grown[0])
+    np.add(np.maximum(start, end), reach, out=grown[1])
+    return grown
 
 
 def columns(segments: Array) -> Array:

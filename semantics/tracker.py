@@ -41,10 +41,12 @@ class RoomTracker:
         self._missed: dict[int, int] = {}
         self._retired: dict[int, RoomProposal] = {}
         self._mergers: dict[frozenset[int], int] = {}
+        self._shared: dict[tuple[int, int], float] = {}
         self._next = 0
 
     def update(self, found: Sequence[RoomProposal]) -> tuple[RoomProposal, ...]:
         """The rooms to hold true now: those found, and those missed only lately."""
+        self._shared = {}
         found = self._believed(found)
         names = self._names(found)
         named = {
@@ -84,7 +86,7 @@ class RoomTracker:
                 continue
             near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
             for name in sorted(near):
-                of_longer, of_shorter = _likeness(room, rivals[name])
+                of_longer, of_shorter = self._likeness(room, name, rivals[name])
                 if of_longer >= least_long and of_shorter >= least_short:
                     scores.append((-of_longer, place, name))
         _give(names, scores)
@@ -129,9 +131,22 @@ class RoomTracker:
         return frozenset(
             n
             for n in near
-            if common(room.pieces, self._known[n].pieces)
+            if self._common(room, n, self._known[n])
             > self._config.taken * length(self._known[n].pieces)
         )
+
+    def _likeness(self, room: RoomProposal, name: int, rival: RoomProposal) -> tuple[float, float]:
+        """Shares of the longer and of the shorter one's walls that are common to both."""
+        shared = self._common(room, name, rival)
+        sizes = sorted((length(room.pieces), length(rival.pieces)))
+        return shared / sizes[1], shared / sizes[0]
+
+    def _common(self, room: RoomProposal, name: int, rival: RoomProposal) -> float:
+        """Length [m] that a found room has in common with one of this name; asked twice."""
+        key = id(room), name
+        if key not in self._shared:
+            self._shared[key] = common(room.pieces, rival.pieces)
+        return self._shared[key]
 
     def _new(self) -> int:
         self._next += 1
@@ -201,7 +216,7 @@ class WallTracker:
         return tuple(self._known.values())
 
     def _match(
-        self, wall: WallProposal, free: dict[frozenset[int], dict[int, WallProposal]]
+        self, wall: WallProposal, free: dict[tuple[int, int], dict[int, WallProposal]]
     ) -> int:
         """The id of a known wall that is this one, which then is no longer free; or a new id."""
         rivals = free.get(_planes(wall), {})
@@ -226,24 +241,20 @@ class WallTracker:
         return kept
 
 
-def _planes(wall: WallProposal) -> frozenset[int]:
-    return frozenset(piece.plane_id for piece in wall.pieces)
+def _planes(wall: WallProposal) -> tuple[int, int]:
+    """Of both faces, in the order of their ids."""
+    first, second = wall.pieces
+    return min(first.plane_id, second.plane_id), max(first.plane_id, second.plane_id)
 
 
 def _by_planes(
     walls: Iterable[tuple[int, WallProposal]],
-) -> dict[frozenset[int], dict[int, WallProposal]]:
+) -> dict[tuple[int, int], dict[int, WallProposal]]:
     """The pair of planes -> walls by name."""
-    found: dict[frozenset[int], dict[int, WallProposal]] = {}
+    found: dict[tuple[int, int], dict[int, WallProposal]] = {}
     for name, wall in walls:
         found.setdefault(_planes(wall), {})[name] = wall
     return found
-
-
-def _likeness(a: RoomProposal, b: RoomProposal) -> tuple[float, float]:
-    """Shares of the longer and of the shorter one's walls that are common to both."""
-    shared, sizes = common(a.pieces, b.pieces), sorted((length(a.pieces), length(b.pieces)))
-    return shared / sizes[1], shared / sizes[0]
 
 
 def _same_wall(a: WallProposal, b: WallProposal) -> bool:
@@ -255,9 +266,12 @@ def _same_wall(a: WallProposal, b: WallProposal) -> bool:
 
 def common(a: Sequence[PlanePiece], b: Sequence[PlanePiece]) -> float:
     """Length [m] of what two sets of pieces share of their planes."""
-    return sum(
-        _overlap(first, second) for first in a for second in b if first.plane_id == second.plane_id
-    )
+    total = 0.0
+    for first in a:
+        for second in b:
+            if first.plane_id == second.plane_id:
+                total += _overlap(first, second)
+    return total
 
 
 def _overlap(a: PlanePiece, b: PlanePiece) -> float:
@@ -267,8 +281,10 @@ def _overlap(a: PlanePiece, b: PlanePiece) -> float:
     size = math.hypot(run_x, run_y)
     if size < 1e-9:
         return 0.0
-    low, high = sorted(((x - x0) * run_x + (y - y0) * run_y) / size for x, y in b.segment.tolist())
-    return max(0.0, min(high, size) - max(low, 0.0))
+    (x, y), (u, v) = b.segment.tolist()
+    start = ((x - x0) * run_x + (y - y0) * run_y) / size
+    end = ((u - x0) * run_x + (v - y0) * run_y) / size
+    return max(0.0, min(max(start, end), size) - max(min(start, end), 0.0))
 
 
 def length(pieces: Sequence[PlanePiece]) -> float:
