@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,9 +58,10 @@ class Checkpoint:
 
 def write(path: Path, arrays: Mapping[str, Floats], checkpoint: Checkpoint) -> None:
     """Weights and their description as .npz: arrays and a JSON text, nothing that is executed."""
-    header = {"format": FORMAT, **asdict(checkpoint)}
+    header = np.array(json.dumps({"format": FORMAT, **asdict(checkpoint)}))
+    whole: dict[str, Any] = {**arrays, "header": header}
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **dict(arrays), header=np.array(json.dumps(header)))
+    np.savez_compressed(buffer, **whole)
     part = path.with_name(path.name + ".part")
     part.write_bytes(buffer.getvalue())
     part.replace(path)

@@ -16,8 +16,9 @@ from semantics.habit import Habit
 from semantics.outline import room_outlines
 from semantics.pieces import Pieces, PreprocessConfig, joined
 from semantics.preprocess import Preprocessor
-from semantics.tracker import RoomTracker, WallTracker
-from semantics.walls import WallConfig, trimmed, walls_of
+from semantics.roomtracker import RoomTracker
+from semantics.walls import WallConfig, faces_of, walls_of
+from semantics.walltracker import WallTracker
 from slam.core import (
     Array,
     InputError,
@@ -148,8 +149,7 @@ class GnnDetector:
         confidence = edges.wall.tolist()
 
         def make(places: list[int]) -> list[WallProposal]:
-            pairs = edges.pairs[places]
-            faces = zip(trimmed(pieces, pairs), trimmed(pieces, pairs[:, ::-1]), strict=True)
+            faces = faces_of(pieces, edges.pairs[places])
             return [
                 WallProposal(-1, both, confidence[k]) for k, both in zip(places, faces, strict=True)
             ]

@@ -127,23 +127,24 @@ class LocalEdges:
 
     def _partners(self, before: IntArray, asked: NDArray[np.bool_]) -> IntArray:
         """Pieces that had an edge with one of those asked for, however far away."""
-        i, j = self._places(before)[self._edges.pairs].T
-        mine = (i >= 0) & (j >= 0) & (asked[i] | asked[j])
-        return np.concatenate([i[mine], j[mine]])
+        pairs, _ = self._left(before)
+        return pairs[asked[pairs[:, 0]] | asked[pairs[:, 1]]].ravel()
 
-    def _places(self, before: IntArray) -> IntArray:
-        """(known,) where each of the known pieces is now, -1 if it is gone."""
+    def _left(self, before: IntArray) -> tuple[IntArray, IntArray]:
+        """Known pairs (K, 2) whose pieces both are still there, by where these are now; and the
+        places of them among all known ones."""
         now = np.full(len(self._key), -1, dtype=np.int64)
         now[before[before >= 0]] = np.flatnonzero(before >= 0)
-        return now
+        pairs = now[self._edges.pairs]
+        left = np.flatnonzero((pairs[:, 0] >= 0) & (pairs[:, 1] >= 0))
+        return pairs.take(left, axis=0), left
 
     def _update(
         self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_], shown: IntArray
     ) -> Edges:
-        kept = self._places(before)[self._edges.pairs]
-        i, j = kept.T
-        stay = (i >= 0) & (j >= 0) & ~(asked[i] | asked[j])
-        old, kept = self._edges.take(stay), np.sort(kept[stay], axis=1)
+        kept, left = self._left(before)
+        stay = ~(asked[kept[:, 0]] | asked[kept[:, 1]])
+        old, kept = self._edges.take(left[stay]), np.sort(kept[stay], axis=1)
         if len(shown) == 0:
             return Edges(kept, old.room, old.wall)
         new = self._model(pieces.take(shown))

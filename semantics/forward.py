@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from semantics.checkpoint import NetworkConfig, read
 from semantics.proximity import ProximityGraph
-from slam.core import Array, Floats, IntArray
+from slam.core import Array, IntArray
 
 SLOPE = 0.2
 """Of the leaky rectifier in the attention."""
 HUB = 4
-"""Times the edges: where some node has so many that every node with as many slots would be more,
-edges are gone through one by one; else slot by slot, which is faster (empty ones repeat an edge)."""
+"""Edges of nodes are gone through slot by slot, an empty slot repeating one of them; but one by
+one, which is slower, where one node has so many that the slots are this many times the edges."""
 F32 = NDArray[np.float32]
-Weights = Mapping[str, Floats]
+Weights = Mapping[str, NDArray]
 
 
 class Forward:
@@ -44,7 +44,8 @@ class Forward:
     def load(cls, path: Path) -> Forward:
         """Raises InputError for a file that is no weights of ours."""
         arrays, checkpoint = read(path)
-        return cls(arrays, checkpoint.network, checkpoint.temperature)
+        weights = {name: array.astype(np.float32) for name, array in arrays.items()}
+        return cls(weights, checkpoint.network, checkpoint.temperature)
 
     def __call__(self, graph: ProximityGraph) -> Array:
         """(E / 2, R) probability of each relation for each of ``graph.pairs``."""
@@ -138,8 +139,8 @@ class _Triple:
     def whole(cls, weights: Weights, name: str, node: int, edge: int) -> _Triple:
         """One of all three."""
         columns = weights[f"{name}.weight"].T
-        parts = [part.copy() for part in np.split(columns, [node, node + edge])]
-        return cls(*parts, weights[f"{name}.bias"])
+        source, middle, target = (part.copy() for part in np.split(columns, [node, node + edge]))
+        return cls(source, middle, target, weights[f"{name}.bias"])
 
     @classmethod
     def ahead(cls, weights: Weights, name: str, edge: int) -> _Triple:

@@ -59,21 +59,22 @@ def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
         lonely = lonely[number[lonely] < wanted]
         reach = 2.0 * reach
     i, j, gap = _once(found, count)
-    keep = _nearest(i, j, gap, length, neighbours)
-    return i[keep], j[keep], gap[keep]
+    keep = np.flatnonzero(_nearest(i, j, gap, length, neighbours))
+    return i.take(keep), j.take(keep), gap.take(keep)
 
 
 def _within(segment: Array, reach: Array, of: IntArray) -> Pairs:
     """Pairs of some with any other that are nearer than the reach of both together, and their gaps;
     of all with all, each pair once."""
     box = boxes(segment, reach)
-    i, j = touching(box if len(of) == len(segment) else box.take(of, axis=2), box)
-    i = of[i]
-    other = i < j if len(of) == len(segment) else i != j
-    i, j = i[other], j[other]
-    gap = segment_gaps(segment, i, j)
-    near = (gap <= reach[i] + reach[j]) | (reach[i] > FAR)
-    return i[near], j[near], gap[near]
+    every = len(of) == len(segment)
+    i, j = touching(box if every else box.take(of, axis=2), box)
+    i = of.take(i)
+    other = np.flatnonzero(i < j if every else i != j)
+    i, j = i.take(other), j.take(other)
+    gap, own = segment_gaps(segment, i, j), reach.take(i)
+    near = np.flatnonzero((gap <= own + reach.take(j)) | (own > FAR))
+    return i.take(near), j.take(near), gap.take(near)
 
 
 def _once(found: list[Pairs], count: int) -> Pairs:
@@ -81,8 +82,10 @@ def _once(found: list[Pairs], count: int) -> Pairs:
     if not found:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
     i, j, gap = (np.concatenate(column) for column in zip(*found, strict=True))
+    if len(found) == 1:
+        return i, j, gap
     _, first = np.unique(i * count + j, return_index=True)
-    return i[first], j[first], gap[first]
+    return i.take(first), j.take(first), gap.take(first)
 
 
 def _nearest(
@@ -90,11 +93,12 @@ def _nearest(
 ) -> NDArray[np.bool_]:
     """Which pairs are among the ``neighbours`` closest of either of the two."""
     ends, others = np.concatenate([i, j]), np.concatenate([j, i])
-    order = np.argsort((np.tile(gap, 2) + TOUCH) / (length[others] + SHORT), kind="stable")
-    owner = ends[order].astype(np.min_scalar_type(len(length)))  # small numbers sort faster
-    order = order[np.argsort(owner, kind="stable")]
+    score = (np.concatenate([gap, gap]) + TOUCH) / (length + SHORT).take(others)
+    order = np.argsort(score, kind="stable")
+    owner = ends.take(order).astype(np.min_scalar_type(len(length)))  # small numbers sort faster
+    order = order.take(np.argsort(owner, kind="stable"))
     number = np.bincount(ends, minlength=len(length))
     rank = np.arange(len(ends)) - np.repeat(np.cumsum(number) - number, number)
-    keep = np.zeros(len(i), dtype=bool)
-    keep[order[rank < neighbours] % max(len(i), 1)] = True
-    return keep
+    keep = np.zeros(len(ends), dtype=bool)
+    keep[order.take(np.flatnonzero(rank < neighbours))] = True
+    return keep[: len(i)] | keep[len(i) :]

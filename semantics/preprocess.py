@@ -16,6 +16,7 @@ import numpy as np
 
 from semantics.bins import Bins
 from semantics.cuts import crossed, cut, stubs
+from semantics.names import places_of
 from semantics.near import Pairs, columns, near_pairs
 from semantics.pieces import STANDARD, Pieces, PreprocessConfig
 from semantics.runs import no_runs, runs_of
@@ -28,7 +29,7 @@ class Preprocessor:
     def __init__(self, config: PreprocessConfig = STANDARD):
         self._config = config
         self._runs = no_runs()
-        self._revisions: dict[int, int] = {}
+        self._names = self._revision = np.zeros(0, dtype=np.int64)
 
     def __call__(self, planes: Sequence[MapPlane]) -> Pieces:
         """Pieces of all upright planes. Raises InputError for a plane that is no plane."""
@@ -38,8 +39,7 @@ class Preprocessor:
             return pieces
         near = near_pairs(pieces.segment, 0.5 * max(config.reach, config.duplicate_distance))
         pieces, near = _without_duplicates(pieces, near, config)
-        left = self._runs.places(np.unique(pieces.plane_id))
-        bins = Bins(self._runs if len(left) == len(self._runs) else self._runs.take(left))
+        bins = Bins(self._runs.only(pieces.plane_id))
         which, at = crossed(pieces, near, bins, config)
         holed, hole, barrier = stubs(pieces, bins, config)
         which, at = np.concatenate([which, holed]), np.concatenate([at, hole])
@@ -48,15 +48,17 @@ class Preprocessor:
 
     def _stretches(self, planes: Sequence[MapPlane]) -> Pieces:
         """Of all upright planes, in their order; looked up anew where a plane has changed."""
-        known = self._revisions
-        changed = {p.id: p for p in planes if known.get(p.id) != p.revision}
-        order = np.array([plane.id for plane in planes], dtype=np.int64)
-        same = np.unique(order[[name not in changed for name in order.tolist()]])
-        upright = [p for p in changed.values() if not p.horizontal and len(p.points)]
+        names = np.array([plane.id for plane in planes], dtype=np.int64)
+        revision = np.array([plane.revision for plane in planes], dtype=np.int64)
+        before = places_of(self._names, names)
+        same = before >= 0
+        same[same] = self._revision[before[same]] == revision[same]
+        changed = [planes[place] for place in np.flatnonzero(~same).tolist()]
+        upright = [plane for plane in changed if not plane.horizontal and len(plane.points)]
         fresh = runs_of(upright, self._config)
-        self._runs = self._runs.updated(fresh, self._runs.places(same))
-        self._revisions = {plane.id: plane.revision for plane in planes}
-        return self._runs.stretches_of(order)
+        self._runs = self._runs.updated(fresh, self._runs.places(names[same]))
+        self._names, self._revision = names, revision
+        return self._runs.stretches_of(names)
 
     def _seen(self, pieces: Pieces, bins: Bins) -> Pieces:
         """With the heights of what is left of each; without those that a cut has left with hardly

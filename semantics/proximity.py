@@ -110,7 +110,7 @@ class InvariantFeatures:
         here, there = np.concatenate([i, j]), np.concatenate([j, i])
         each = np.column_stack([pieces.normal, pieces.length, log_length, pieces.height]).T.copy()
         mine, other = each.take(here, axis=1), each.take(there, axis=1)
-        away = (pieces.centre[j] - pieces.centre[i]).T
+        away = (pieces.centre.take(j, axis=0) - pieces.centre.take(i, axis=0)).T
         away = np.concatenate([away, -away], axis=1)
         cosine, sine = mine[0] * other[0] + mine[1] * other[1], _cross(mine, other)
         x, y, half = _cross(mine, away), mine[0] * away[0] + mine[1] * away[1], 0.5 * mine[2]
@@ -118,15 +118,16 @@ class InvariantFeatures:
         common = np.minimum(x + wide, half) - np.maximum(x - wide, -half)
         metres = [x, y, y - deep, y + deep, x - wide - half, x + wide + half, common]
         squashed = _squashed(np.stack(metres))
+        log_gap, blocked, ahead = np.log(gap + 0.05), _blocked(pieces, i, j), squashed[1]
         told = [
             cosine,
             sine,
             *squashed,
             np.clip(common / np.maximum(np.minimum(half, wide) * 2.0, 0.1), -1.0, 1.0),
-            np.tile(np.log(gap + 0.05), 2),
-            np.roll(squashed[1], len(i)),  # how far in front of the other one this one is
+            np.concatenate([log_gap, log_gap]),
+            np.concatenate([ahead[len(i) :], ahead[: len(i)]]),  # of this one from the other one
             *(other[3:] - mine[3:]),
-            np.tile(_blocked(pieces, i, j), 2),
+            np.concatenate([blocked, blocked]),
         ]
         return np.stack(told, axis=1)
 
@@ -169,14 +170,15 @@ def _blocked(pieces: Pieces, i: IntArray, j: IntArray) -> Array:
     behind the other, which the other features say, nobody looks for pieces.
     """
     eye = pieces.centre + 0.1 * pieces.normal
-    away = eye[j] - eye[i]
-    ahead = (row_dots(away, pieces.normal[i]) > 0.0) & (row_dots(away, pieces.normal[j]) < 0.0)
-    asked = np.flatnonzero(ahead)
-    sight = np.stack([eye[i[asked]], eye[j[asked]]], axis=1)
+    start, end = eye.take(i, axis=0), eye.take(j, axis=0)
+    away, mine, others = end - start, pieces.normal.take(i, axis=0), pieces.normal.take(j, axis=0)
+    asked = np.flatnonzero((row_dots(away, mine) > 0.0) & (row_dots(away, others) < 0.0))
+    sight = np.concatenate([start, end], axis=1).take(asked, axis=0).reshape(-1, 2, 2)
     line, third = crossings(sight, pieces.segment)
-    other = (third != i[asked[line]]) & (third != j[asked[line]])
+    line = asked.take(line)
+    other = (third != i.take(line)) & (third != j.take(line))
     blocked = np.zeros(len(i))
-    blocked[asked[line[other]]] = 1.0
+    blocked[line[other]] = 1.0
     for start, end in pieces.barrier:
         apart = turn(eye[i], eye[j], start[None]) * turn(eye[i], eye[j], end[None]) < 0.0
         sides = turn(start[None], end[None], eye)

@@ -41,6 +41,12 @@ class Runs:
             self.bin_count[places],
         )
 
+    def only(self, plane_id: IntArray) -> Runs:
+        """Those of the planes that are named at all."""
+        named = np.zeros(len(self), dtype=bool)
+        named[self.places(plane_id)] = True
+        return self if named.all() else self.take(np.flatnonzero(named))
+
     def stretches_of(self, plane_id: IntArray) -> Pieces:
         """Of those of the planes (Q,) that are here, in that order."""
         if np.array_equal(plane_id, self.plane_id):

@@ -64,13 +64,13 @@ def _claims(
     pieces: Pieces, pairs: IntArray, room: IntArray
 ) -> Iterator[tuple[tuple[int, _Claim], tuple[int, _Claim]]]:
     """Of each pair, what it says of the plane of the one and of that of the other."""
-    low, high = (side.tolist() for side in _stretches(pieces, pairs))
-    back_low, back_high = (side.tolist() for side in _stretches(pieces, pairs[:, ::-1]))
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    low, high = (side.reshape(2, -1).T.tolist() for side in _stretches(pieces, both))
     planes, rooms = pieces.plane_id[pairs].tolist(), room[pairs].tolist()
-    for k, ((p, q), (here, there)) in enumerate(zip(planes, rooms, strict=True)):
+    for (p, q), (here, there), start, end in zip(planes, rooms, low, high, strict=True):
         yield (
-            (p, (q, (here, there), low[k], high[k])),
-            (q, (p, (there, here), back_low[k], back_high[k])),
+            (p, (q, (here, there), start[0], end[0])),
+            (q, (p, (there, here), start[1], end[1])),
         )
 
 
@@ -100,14 +100,16 @@ def _axes(pieces: Pieces) -> Array:
     return np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
 
 
-def trimmed(pieces: Pieces, pairs: IntArray) -> list[PlanePiece]:
-    """Of each first piece what lies back to back with the second: the face of that wall, where the
-    plane has more."""
-    first, (low, high) = pairs[:, 0], _stretches(pieces, pairs)
-    along = _along(pieces, pairs, 0)
-    ends = np.clip(along, low[:, None], high[:, None])
+def faces_of(pieces: Pieces, pairs: IntArray) -> list[tuple[PlanePiece, PlanePiece]]:
+    """Of each two pieces what lies back to back with the other one: the faces of that wall, where
+    the planes have more."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    first, (low, high) = both[:, 0], _stretches(pieces, both)
+    along = _along(pieces, both, 0)
+    ends = np.minimum(np.maximum(along, low[:, None]), high[:, None])
     shift = (ends - along)[:, :, None] * _axes(pieces)[first][:, None, :]
-    return list(map(PlanePiece, pieces.plane_id[first].tolist(), pieces.segment[first] + shift))
+    faces = list(map(PlanePiece, pieces.plane_id[first].tolist(), pieces.segment[first] + shift))
+    return list(zip(faces[: len(pairs)], faces[len(pairs) :], strict=True))
 
 
 def _may_be_same(rooms: tuple[int, int], others: tuple[int, int]) -> bool:

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -43,3 +46,21 @@ def test_a_graph_without_edges_has_no_answers(tmp_path):
     saved(tmp_path / "w.npz", NetworkConfig(("same_room",), "invariant", 2, 16))
     graph = graph_of(3, 0)
     assert Forward.load(tmp_path / "w.npz")(graph).shape == (0, 1)
+
+
+def test_a_node_with_very_many_edges_is_no_exception(tmp_path):
+    model = saved(tmp_path / "w.npz", NetworkConfig(("same_room",), "invariant", 2, 16))
+    rng, others = np.random.default_rng(0), np.arange(1, 300)
+    hub = np.zeros_like(others)
+    source, target = np.concatenate([hub, others]), np.concatenate([others, hub])
+    graph = ProximityGraph(rng.normal(size=(300, 2)), source, target, rng.normal(size=(598, 16)))
+    found = Forward.load(tmp_path / "w.npz")(graph)
+    assert np.abs(found - probabilities(model, 1.3, graph)).max() < 1e-6
+
+
+def test_a_run_does_not_wait_for_torch():
+    code = (
+        "import sys; from semantics.detector import make_detector; make_detector('gnn');"
+        " assert not {'torch', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
