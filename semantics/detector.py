@@ -124,11 +124,8 @@ class GnnDetector:
         def make(places: list[int]) -> list[RoomProposal | None]:
             return self._made([pieces.take(groups[k]) for k in places], confidence[places])
 
-        states = _states(pieces)
-        keys = [
-            (states[group].tobytes(), round(c, 1))
-            for group, c in zip(groups, confidence.tolist(), strict=True)
-        ]
+        members = np.concatenate([firsts[:0], *groups])
+        keys = _keys(pieces.take(members), [len(group) for group in groups], confidence.tolist())
         return [room for room in self._known_rooms(keys, make) if room is not None]
 
     def _made(self, sides: Sequence[Pieces], confidence: Array) -> list[RoomProposal | None]:
@@ -136,13 +133,11 @@ class GnnDetector:
         clustering, config = self._config.clustering, self._config.clusters
         held = [place for place, each in enumerate(sides) if clustering.holds(each, config)]
         found: list[RoomProposal | None] = [None] * len(sides)
-        for place, (polygon, centre) in zip(
-            held, room_outlines([sides[k] for k in held]), strict=True
-        ):
+        outlines = room_outlines([sides[place] for place in held])
+        for place, (polygon, centre) in zip(held, outlines, strict=True):
+            members, sure = sides[place].every(), float(confidence[place])
             centre = clustering.centre(sides[place], centre)
-            found[place] = RoomProposal(
-                -1, sides[place].every(), polygon, centre, float(confidence[place])
-            )
+            found[place] = RoomProposal(-1, members, polygon, centre, sure)
         return found
 
     def _find_walls(self, pieces: Pieces, edges: Edges) -> list[WallProposal]:
@@ -154,8 +149,7 @@ class GnnDetector:
                 WallProposal(-1, both, confidence[k]) for k, both in zip(places, faces, strict=True)
             ]
 
-        states = _states(pieces)[edges.pairs]
-        keys = [(state.tobytes(), round(c, 1)) for state, c in zip(states, confidence, strict=True)]
+        keys = _keys(pieces.take(edges.pairs.ravel()), [2] * len(confidence), confidence)
         return self._known_walls(keys, make)
 
 
@@ -176,21 +170,26 @@ def _of_mapped(
     return Proposals(tuple(kept), tuple(both))
 
 
-def _states(pieces: Pieces) -> Array:
-    """(M, 7) what a proposal depends on of each piece."""
-    return np.column_stack([pieces.plane_id, pieces.segment.reshape(-1, 4), pieces.normal])
+_Key = tuple[bytes, float]
+"""What a proposal depends on: its pieces, and a confidence that is the same to a tenth."""
+
+
+def _keys(members: Pieces, sizes: Sequence[int], confidence: Sequence[float]) -> list[_Key]:
+    """Of groups of so many pieces each, one group after the other."""
+    states = [members.plane_id, members.segment.reshape(-1, 4), members.normal]
+    raw = np.column_stack(states).tobytes()
+    bounds = (len(raw) // max(len(members), 1) * np.cumsum([0, *sizes])).tolist()
+    spans = zip(bounds[:-1], bounds[1:], confidence, strict=True)
+    return [(raw[start:end], round(sure, 1)) for start, end, sure in spans]
 
 
 class _Kept(Generic[T]):
-    """What was made last time and comes again, as the same object: the same pieces, and a
-    confidence that is the same to a tenth."""
+    """What was made last time and comes again, as the same object."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[bytes, float], T] = {}
+        self._known: dict[_Key, T] = {}
 
-    def __call__(
-        self, keys: Sequence[tuple[bytes, float]], make: Callable[[list[int]], list[T]]
-    ) -> list[T]:
+    def __call__(self, keys: Sequence[_Key], make: Callable[[list[int]], list[T]]) -> list[T]:
         """make: what stands at some places, all that are not known yet."""
         known = self._known
         new = [place for place, key in enumerate(keys) if key not in known]
