@@ -22,6 +22,11 @@ SLOPE = 0.2
 HUB = 4
 """Edges of nodes are gone through slot by slot, an empty slot repeating one of them; but one by
 one, which is slower, where one node has so many that the slots are this many times the edges."""
+BLOCK = 128
+"""Rows of a product, and"""
+ALONE = 1 << 18
+"""multiplications in it, up to which no library starts threads: those wait for each other, on a
+busy machine, a thousand times as long as they work."""
 F32 = NDArray[np.float32]
 Weights = Mapping[str, NDArray]
 
@@ -126,7 +131,7 @@ class _Linear:
         self._weight, self._bias = weights[f"{name}.weight"].T.copy(), weights[f"{name}.bias"]
 
     def __call__(self, x: F32) -> F32:
-        return x @ self._weight + self._bias
+        return _product(x, self._weight) + self._bias
 
 
 class _Triple:
@@ -149,10 +154,10 @@ class _Triple:
         return cls(None, columns[:edge].copy(), columns[edge:].copy(), weights[f"{name}.bias"])
 
     def __call__(self, v: F32, e: F32, ways: _Ways) -> F32:
-        made = e @ self._edge
-        made += ways.of_target(v @ self._target + self._bias)
+        made = _product(e, self._edge)
+        made += ways.of_target(_product(v, self._target) + self._bias)
         if self._source is not None:
-            made += ways.of_source(v @ self._source)
+            made += ways.of_source(_product(v, self._source))
         return made
 
 
@@ -171,15 +176,27 @@ class _Hop:
 
     def __call__(self, v: F32, e: F32, ways: _Ways) -> tuple[F32, F32]:
         seen = self._attend(v, e, ways)  # (E, C)
-        score = np.maximum(seen, np.float32(SLOPE) * seen) @ self._score  # (E, H)
+        score = _product(np.maximum(seen, np.float32(SLOPE) * seen), self._score)  # (E, H)
         weight = np.exp(score - ways.of_source(ways.most(score)))  # (E, H)
         message = self._message(v, e, ways)
-        message *= weight @ self._spread  # (E, C)
+        message *= _product(weight, self._spread)  # (E, C)
         most = ways.most(message)  # (N, C)
         total = ways.total(weight)  # (N, H), at least 1 where there are edges
-        most /= np.maximum(total, np.float32(1.0)) @ self._spread
+        most /= _product(np.maximum(total, np.float32(1.0)), self._spread)
         v_next = _relu(self._node(np.concatenate([v, most], axis=1)))
         return v_next, _relu(self._edge(v, e, ways))
+
+
+def _product(x: F32, weight: F32) -> F32:
+    """x @ weight, (., I) and (I, O)."""
+    if x.size * weight.shape[1] <= ALONE:
+        return x @ weight
+    made = np.empty((len(x), weight.shape[1]), dtype=np.float32)
+    whole = len(x) // BLOCK * BLOCK
+    blocks = made[:whole].reshape(-1, BLOCK, weight.shape[1])
+    np.matmul(x[:whole].reshape(-1, BLOCK, len(weight)), weight, out=blocks)
+    np.matmul(x[whole:], weight, out=made[whole:])
+    return made
 
 
 def _relu(x: F32) -> F32:
