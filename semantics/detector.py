@@ -122,7 +122,7 @@ class GnnDetector:
         confidence = clusters.confidence[clusters.label[firsts]]
 
         def make(places: list[int]) -> list[RoomProposal | None]:
-            return self._made([pieces.take(groups[k]) for k in places], confidence[places])
+            return self._made(pieces.split([groups[k] for k in places]), confidence[places])
 
         members = np.concatenate([firsts[:0], *groups])
         keys = _keys(pieces.take(members), [len(group) for group in groups], confidence.tolist())

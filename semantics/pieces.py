@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,7 @@ class Pieces:
         at = self.segment[:, :, 1] * x[:, None] - self.segment[:, :, 0] * y[:, None]
         return np.sort(at, axis=1)
 
-    def take(self, places: IntArray | NDArray[np.bool_]) -> Pieces:
+    def take(self, places: IntArray | NDArray[np.bool_] | slice) -> Pieces:
         """Some of them."""
         return Pieces(
             self.plane_id[places],
@@ -104,6 +105,12 @@ class Pieces:
             self.height[places],
             self.barrier,
         )
+
+    def split(self, groups: Sequence[IntArray]) -> list[Pieces]:
+        """Those at the places of each group."""
+        members = self.take(np.concatenate(groups))
+        bounds = np.cumsum([0, *map(len, groups)]).tolist()
+        return [members.take(slice(a, b)) for a, b in pairwise(bounds)]
 
     def piece(self, place: int) -> PlanePiece:
         """One of them, as proposals name it."""

@@ -130,10 +130,9 @@ def _back_to_back(pieces: Pieces, pairs: IntArray, config: WallConfig) -> Array:
     depth_i, depth_j = -row_dots(away, pieces.normal[i]), row_dots(away, pieces.normal[j])
     low, high = config.gap
     near = (np.minimum(depth_i, depth_j) > low) & (np.maximum(depth_i, depth_j) < high)
-    axis = _axes(pieces)[i]
-    along_i = np.sort(np.einsum("pkc,pc->pk", pieces.segment[i], axis), axis=1)
-    along_j = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], axis), axis=1)
-    common = np.minimum(along_i[:, 1], along_j[:, 1]) - np.maximum(along_i[:, 0], along_j[:, 0])
+    mine = pieces.along[i]
+    others = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], _axes(pieces)[i]), axis=1)
+    common = np.minimum(mine[:, 1], others[:, 1]) - np.maximum(mine[:, 0], others[:, 0])
     found = np.zeros(len(pairs))
     found[opposed] = np.where(near, np.maximum(common, 0.0), 0.0)
     return found
