@@ -37,9 +37,10 @@ class Bins:
 
     def holes(self, config: PreprocessConfig) -> IntArray:
         """Bins after which there is a hole as wide as a wall is thick, all about it being seen."""
-        step, reach = np.diff(self._key) - config.bin, config.stub_bins
+        step = self._key[1:] - self._key[:-1] - config.bin
         low, high = config.stub
         hole = np.flatnonzero((step > low) & (step < high))
-        hole = hole[(hole >= reach) & (hole < len(step) - reach)]
-        about = hole[:, None] + np.delete(np.arange(-reach, reach + 1), reach)
+        beside = np.arange(1, config.stub_bins + 1)
+        hole = hole[(hole >= beside[-1]) & (hole < len(step) - beside[-1])]
+        about = hole[:, None] + np.concatenate([-beside, beside])
         return np.asarray(hole[(step[about] < low).all(axis=1)])
