@@ -19,6 +19,8 @@ MOST_BYTES = 1_000_000_000
 """Of weights; ours have a hundred kilobytes."""
 MOST_CHANNELS = 4096
 """Of a layer."""
+SLOPE = 0.2
+"""Of the leaky rectifier in the attention (as in the original GAT)."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,9 @@ def _checkpoint(path: Path, header: Array | None) -> Checkpoint:
         sizes = [network[key] for key in network.keys() - {"relations", "features"}]
         if not all(isinstance(size, int) and 0 < size <= MOST_CHANNELS for size in sizes):
             raise ValueError("sizes")
-        return Checkpoint(NetworkConfig(**network), float(tree["temperature"]), dict(tree["facts"]))
+        config = NetworkConfig(**network)
+        if config.channels % config.heads:
+            raise ValueError("heads")
+        return Checkpoint(config, float(tree["temperature"]), dict(tree["facts"]))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path}: header: expected the description of {FORMAT!r}") from error

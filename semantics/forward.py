@@ -13,12 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semantics.checkpoint import NetworkConfig, read
+from semantics.checkpoint import SLOPE, NetworkConfig, read
 from semantics.proximity import ProximityGraph
 from slam.core import Array, IntArray
 
-SLOPE = 0.2
-"""Of the leaky rectifier in the attention."""
 HUB = 4
 """Edges of nodes are gone through slot by slot, an empty slot repeating one of them; but one by
 one, which is slower, where one node has so many that the slots are this many times the edges."""

@@ -15,12 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from semantics.checkpoint import Checkpoint, NetworkConfig, read, write
+from semantics.checkpoint import SLOPE, Checkpoint, NetworkConfig, read, write
 from semantics.proximity import ProximityGraph
 from slam.core import Array
-
-SLOPE = 0.2
-"""Of the leaky rectifier in the attention (as in the original GAT)."""
 
 
 class Triple(nn.Linear):
