@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import heapq
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray
 
 
@@ -91,11 +90,16 @@ def _odds(probability: Array, config: ClusterConfig) -> Array:
 
 
 def _parts(count: int, pairs: IntArray) -> IntArray:
-    """(count,) connected parts."""
-    links = coo_array(
-        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), (count,) * 2
-    )
-    return connected_components(links, directed=False)[1].astype(np.int64)
+    """(count,) connected parts, numbered by their first pieces."""
+    i, j = pairs.T
+    part, before = np.arange(count), np.full(count, -1)
+    while not np.array_equal(part, before):
+        before = part.copy()
+        least = np.minimum(part[i], part[j])
+        np.minimum.at(part, i, least)
+        np.minimum.at(part, j, least)
+        part = part[part]
+    return np.unique(part, return_inverse=True)[1]
 
 
 def _linked(count: int, pairs: IntArray, odds: Array) -> IntArray:
@@ -148,9 +152,9 @@ def is_room(pieces: Pieces, config: ClusterConfig) -> bool:
     """Do these sides enclose something: three that leave no wide side open, or a corridor's two?"""
     if len(pieces) < 2:
         return False
-    angles = np.sort(np.arctan2(pieces.normal[:, 1], pieces.normal[:, 0]))
-    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
-    if len(pieces) >= config.sides and gaps.max() <= config.open_side:
+    angles = sorted(math.atan2(y, x) for x, y in pieces.normal.tolist())
+    widest = max(b - a for a, b in pairwise([*angles, angles[0] + 2.0 * math.pi]))
+    if len(pieces) >= config.sides and widest <= config.open_side:
         return True
     return _corridor(pieces, config)
 

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from semantics.clusters import ClusterConfig, Clusters, labelled
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray
 
 BRANCHES = 12

@@ -13,10 +13,12 @@ from semantics.clusters import ClusterConfig, Clusters, agglomerate, is_room
 from semantics.cycles import cycles, has_opposed_sides, mean_centre
 from semantics.edges import EdgeModel, Edges, LocalEdges
 from semantics.habit import Habit
-from semantics.outline import room_outline
-from semantics.preprocess import Pieces, PreprocessConfig, Preprocessor, joined
-from semantics.tracker import RoomTracker, WallTracker
-from semantics.walls import WallConfig, trimmed, walls_of
+from semantics.outline import room_outlines
+from semantics.pieces import Pieces, PreprocessConfig, joined
+from semantics.preprocess import Preprocessor
+from semantics.roomtracker import RoomTracker
+from semantics.walls import WallConfig, faces_of, walls_of
+from semantics.walltracker import WallTracker
 from slam.core import (
     Array,
     InputError,
@@ -112,43 +114,42 @@ class GnnDetector:
 
     def links(self) -> Links:
         """The edges that speak for one room, of the last update."""
-        pieces = tuple(self._pieces.piece(place) for place in range(len(self._pieces)))
-        return Links(pieces, self._linked)
+        return Links(self._pieces.every(), self._linked)
 
     def _find_rooms(self, pieces: Pieces, clusters: Clusters) -> list[RoomProposal]:
         groups = [group for group in clusters.groups() if len(group) > 1]
-        confidence = [float(clusters.confidence[clusters.label[group[0]]]) for group in groups]
+        firsts = np.array([group[0] for group in groups], dtype=np.int64)
+        confidence = clusters.confidence[clusters.label[firsts]]
 
-        def make(place: int) -> RoomProposal | None:
-            return self._room(pieces.take(groups[place]), confidence[place])
+        def make(places: list[int]) -> list[RoomProposal | None]:
+            return self._made(pieces.split([groups[k] for k in places]), confidence[places])
 
-        states = _states(pieces)
-        keys = [
-            (states[group].tobytes(), round(c, 1))
-            for group, c in zip(groups, confidence, strict=True)
-        ]
+        members = np.concatenate([firsts[:0], *groups])
+        keys = _keys(pieces.take(members), [len(group) for group in groups], confidence.tolist())
         return [room for room in self._known_rooms(keys, make) if room is not None]
 
-    def _room(self, sides: Pieces, confidence: float) -> RoomProposal | None:
-        """The room that these sides make; None if they make none."""
-        if not self._config.clustering.holds(sides, self._config.clusters):
-            return None
-        polygon, centre = room_outline(sides)
-        members = tuple(sides.piece(place) for place in range(len(sides)))
-        centre = self._config.clustering.centre(sides, centre)
-        return RoomProposal(-1, members, polygon, centre, confidence)
+    def _made(self, sides: Sequence[Pieces], confidence: Array) -> list[RoomProposal | None]:
+        """The rooms that these sides make, each; None where they make none."""
+        clustering, config = self._config.clustering, self._config.clusters
+        held = [place for place, each in enumerate(sides) if clustering.holds(each, config)]
+        found: list[RoomProposal | None] = [None] * len(sides)
+        outlines = room_outlines([sides[place] for place in held])
+        for place, (polygon, centre) in zip(held, outlines, strict=True):
+            members, sure = sides[place].every(), float(confidence[place])
+            centre = clustering.centre(sides[place], centre)
+            found[place] = RoomProposal(-1, members, polygon, centre, sure)
+        return found
 
     def _find_walls(self, pieces: Pieces, edges: Edges) -> list[WallProposal]:
-        def make(place: int) -> WallProposal:
-            i, j = edges.pairs[place].tolist()
-            faces = (trimmed(pieces, i, j), trimmed(pieces, j, i))
-            return WallProposal(-1, faces, float(edges.wall[place]))
+        confidence = edges.wall.tolist()
 
-        states = _states(pieces)[edges.pairs]
-        keys = [
-            (state.tobytes(), round(c, 1))
-            for state, c in zip(states, edges.wall.tolist(), strict=True)
-        ]
+        def make(places: list[int]) -> list[WallProposal]:
+            faces = faces_of(pieces, edges.pairs[places])
+            return [
+                WallProposal(-1, both, confidence[k]) for k, both in zip(places, faces, strict=True)
+            ]
+
+        keys = _keys(pieces.take(edges.pairs.ravel()), [2] * len(confidence), confidence)
         return self._known_walls(keys, make)
 
 
@@ -169,21 +170,31 @@ def _of_mapped(
     return Proposals(tuple(kept), tuple(both))
 
 
-def _states(pieces: Pieces) -> Array:
-    """(M, 7) what a proposal depends on of each piece."""
-    return np.column_stack([pieces.plane_id, pieces.segment.reshape(-1, 4), pieces.normal])
+_Key = tuple[bytes, float]
+"""What a proposal depends on: its pieces, and a confidence that is the same to a tenth."""
+
+
+def _keys(members: Pieces, sizes: Sequence[int], confidence: Sequence[float]) -> list[_Key]:
+    """Of groups of so many pieces each, one group after the other."""
+    states = [members.plane_id, members.segment.reshape(-1, 4), members.normal]
+    raw = np.column_stack(states).tobytes()
+    bounds = (len(raw) // max(len(members), 1) * np.cumsum([0, *sizes])).tolist()
+    spans = zip(bounds[:-1], bounds[1:], confidence, strict=True)
+    return [(raw[start:end], round(sure, 1)) for start, end, sure in spans]
 
 
 class _Kept(Generic[T]):
-    """What was made last time and comes again, as the same object: the same pieces, and a
-    confidence that is the same to a tenth."""
+    """What was made last time and comes again, as the same object."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[bytes, float], T] = {}
+        self._known: dict[_Key, T] = {}
 
-    def __call__(self, keys: Sequence[tuple[bytes, float]], make: Callable[[int], T]) -> list[T]:
+    def __call__(self, keys: Sequence[_Key], make: Callable[[list[int]], list[T]]) -> list[T]:
+        """make: what stands at some places, all that are not known yet."""
         known = self._known
+        new = [place for place, key in enumerate(keys) if key not in known]
+        made = dict(zip(new, make(new) if new else [], strict=True))
         self._known = {
-            key: known[key] if key in known else make(place) for place, key in enumerate(keys)
+            key: made[place] if place in made else known[key] for place, key in enumerate(keys)
         }
         return list(self._known.values())

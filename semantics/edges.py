@@ -6,18 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semantics.forward import Forward
 from semantics.names import names_of, places_of
-from semantics.preprocess import Pieces, near_pairs
+from semantics.near import boxes, touching
+from semantics.pieces import Pieces
 from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
-
-if TYPE_CHECKING:
-    from semantics.network import EdgeClassifier
 
 
 @dataclass(frozen=True)
@@ -39,36 +37,27 @@ class EdgeModel:
 
     def __init__(self, weights: Sequence[Path]):
         self._networks = [_loaded(path) for path in weights]
-        known = [r for network in self._networks for r in network[0].config.relations]
+        known = [r for network in self._networks for r in network.config.relations]
         if sorted(known) != ["same_room", "same_wall"]:
             raise InputError(f"{weights[0]}: expected same_room and same_wall, got {known}")
-        config = self._networks[0][0].config
+        config = self._networks[0].config
         self._features, self._neighbours = features_named(config.features), config.neighbours
-        if any(n.config.features != config.features for n, _ in self._networks):
+        if any(network.config.features != config.features for network in self._networks):
             raise InputError(f"{weights[-1]}: expected the features {config.features!r}")
 
     def __call__(self, pieces: Pieces) -> Edges:
         """All edges of the graph over these pieces."""
-        from semantics.network import probabilities
-
         graph = proximity_graph(pieces, self._features, self._neighbours)
         told: dict[str, Array] = {}
-        for model, temperature in self._networks:
-            columns = probabilities(model, temperature, graph).T
-            told.update(zip(model.config.relations, columns, strict=True))
+        for network in self._networks:
+            told.update(zip(network.config.relations, network(graph).T, strict=True))
         return Edges(graph.pairs, told["same_room"], told["same_wall"])
 
 
 @cache
-def _loaded(path: Path) -> tuple[EdgeClassifier, float]:
+def _loaded(path: Path) -> Forward:
     """Reading weights takes longer than an inference; they are the same for every run."""
-    import torch
-
-    from semantics.network import load
-
-    torch.set_num_threads(1)  # graphs are small: more threads only get in each other's way
-    model, checkpoint = load(path)
-    return model, checkpoint.temperature
+    return Forward.load(path)
 
 
 @dataclass(frozen=True)
@@ -105,9 +94,11 @@ class LocalEdges:
         changed, gone = self._changes(pieces, before)
         asked, shown = self._surroundings(pieces, before, changed, gone)
         if len(shown) > self._config.most * len(pieces):
-            asked, shown = np.ones(len(pieces), dtype=bool), np.arange(len(pieces))
-        self._edges = self._update(pieces, before, asked, shown)
-        self._remember(pieces, key, before, asked)
+            self._edges, self._pieces = self._model(pieces), pieces
+        else:
+            self._edges = self._update(pieces, before, asked, shown)
+            self._pieces = self._remembered(pieces, before, asked)
+        self._key = key
         return self._edges
 
     def _changes(self, pieces: Pieces, before: IntArray) -> tuple[NDArray[np.bool_], Array]:
@@ -136,58 +127,49 @@ class LocalEdges:
 
     def _partners(self, before: IntArray, asked: NDArray[np.bool_]) -> IntArray:
         """Pieces that had an edge with one of those asked for, however far away."""
-        pairs = self._places(before)[self._edges.pairs]
-        pairs = pairs[(pairs >= 0).all(axis=1)]
-        return pairs[asked[pairs].any(axis=1)].ravel()
+        pairs, _ = self._left(before)
+        return pairs[asked[pairs[:, 0]] | asked[pairs[:, 1]]].ravel()
 
-    def _places(self, before: IntArray) -> IntArray:
-        """(known,) where each of the known pieces is now, -1 if it is gone."""
+    def _left(self, before: IntArray) -> tuple[IntArray, IntArray]:
+        """Known pairs (K, 2) whose pieces both are still there, by where these are now; and the
+        places of them among all known ones."""
         now = np.full(len(self._key), -1, dtype=np.int64)
         now[before[before >= 0]] = np.flatnonzero(before >= 0)
-        return now
+        pairs = now[self._edges.pairs]
+        left = np.flatnonzero((pairs[:, 0] >= 0) & (pairs[:, 1] >= 0))
+        return pairs.take(left, axis=0), left
 
     def _update(
         self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_], shown: IntArray
     ) -> Edges:
-        old, kept = self._edges, self._places(before)[self._edges.pairs]
-        there = np.asarray((kept >= 0).all(axis=1))
-        old, kept = old.take(there), kept[there]
-        stay = np.asarray(~asked[kept].any(axis=1))
-        old, kept = old.take(stay), np.sort(kept[stay], axis=1)
+        kept, left = self._left(before)
+        stay = ~(asked[kept[:, 0]] | asked[kept[:, 1]])
+        old, kept = self._edges.take(left[stay]), np.sort(kept[stay], axis=1)
         if len(shown) == 0:
             return Edges(kept, old.room, old.wall)
         new = self._model(pieces.take(shown))
-        new_pairs = shown[new.pairs]
-        wanted = np.asarray(asked[new_pairs].any(axis=1))
+        pairs = shown[new.pairs]
+        wanted = asked[pairs[:, 0]] | asked[pairs[:, 1]]
         new = new.take(wanted)
         return Edges(
-            np.concatenate([kept, new_pairs[wanted]]),
+            np.concatenate([kept, pairs[wanted]]),
             np.concatenate([old.room, new.room]),
             np.concatenate([old.wall, new.wall]),
         )
 
-    def _remember(
-        self, pieces: Pieces, key: IntArray, before: IntArray, asked: NDArray[np.bool_]
-    ) -> None:
+    def _remembered(self, pieces: Pieces, before: IntArray, asked: NDArray[np.bool_]) -> Pieces:
         """Pieces as they were when their edges were worked out, so that no drift adds up."""
-        if self._pieces is not None:
-            segment, height = pieces.segment.copy(), pieces.height.copy()
-            segment[~asked] = self._pieces.segment[before[~asked]]
-            height[~asked] = self._pieces.height[before[~asked]]
-            pieces = replace(pieces, segment=segment, height=height)
-        self._pieces, self._key = pieces, key
+        if self._pieces is None:
+            return pieces
+        segment, height = pieces.segment.copy(), pieces.height.copy()
+        segment[~asked] = self._pieces.segment[before[~asked]]
+        height[~asked] = self._pieces.height[before[~asked]]
+        return replace(pieces, segment=segment, height=height)
 
 
 def _within(pieces: Pieces, spots: Array, reach: float) -> NDArray[np.bool_]:
     """(M,) pieces whose bounding box comes within reach of one of the spots (S, 2, 2)."""
-    count = len(spots)
-    both = Pieces(
-        np.zeros(count + len(pieces), dtype=np.int64),
-        np.concatenate([spots, pieces.segment]),
-        np.zeros((count + len(pieces), 2)),
-        np.zeros((count + len(pieces), 2)),
-    )
-    _, j = near_pairs(both, 0.5 * reach, np.arange(count))
+    _, j = touching(boxes(spots, 0.5 * reach), boxes(pieces.segment, 0.5 * reach))
     found = np.zeros(len(pieces), dtype=bool)
-    found[j[j >= count] - count] = True
+    found[j] = True
     return found

@@ -7,7 +7,7 @@ import numpy as np
 from semantics.clusters import Clusters
 from semantics.edges import Edges
 from semantics.names import earlier
-from semantics.preprocess import Pieces, joined
+from semantics.pieces import Pieces, joined
 from slam.core import Array
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantics.dataset import Sample
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semantics.preprocess import Pieces
+from semantics.pieces import Pieces
 from slam.core import IntArray
 
 MOST = 1 << 12
@@ -38,9 +38,10 @@ def earlier(known: Pieces, pieces: Pieces) -> IntArray:
     mine = np.repeat(np.arange(len(pieces)), number)
     step = np.arange(len(mine)) - np.repeat(np.cumsum(number) - number, number)
     other = order[first[mine] + step]
-    axis = np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])[mine]
-    low, high = np.sort(np.einsum("pkc,pc->pk", pieces.segment[mine], axis), axis=1).T
-    start, end = np.sort(np.einsum("pkc,pc->pk", known.segment[other], axis), axis=1).T
+    x, y = pieces.normal[mine].T
+    there = known.segment[other]
+    start, end = np.sort(there[:, :, 1] * x[:, None] - there[:, :, 0] * y[:, None], axis=1).T
+    low, high = pieces.along[mine].T
     common = np.minimum(high, end) - np.maximum(low, start)
     found = np.full(len(pieces), -1, dtype=np.int64)
     by_common = np.argsort(common, kind="stable")

@@ -2,61 +2,22 @@
 
 Encoder and decoder as the paper has them (III-B, equations 1 to 3), in plain torch: graphs of a few
 hundred nodes need no more. The paper has one network for each relation; one network may also tell
-several apart. N nodes, E directed edges (both directions of every pair, see
-``semantics.proximity``), C channels, H heads, R relations.
+several apart. A run asks ``semantics.forward``, which works out the same in numpy. N nodes, E
+directed edges (both directions of every pair, see ``semantics.proximity``), C channels, H heads, R
+relations.
 """
 
 from __future__ import annotations
 
-import io
-import json
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from semantics.checkpoint import SLOPE, Checkpoint, NetworkConfig, read, write
 from semantics.proximity import ProximityGraph
-from slam.arrayfile import ArrayFile
-from slam.core import Array, InputError
-
-FORMAT = "roomloop-weights-2"
-MOST_BYTES = 1_000_000_000
-"""Of weights; ours have a hundred kilobytes."""
-MOST_CHANNELS = 4096
-"""Of a layer."""
-SLOPE = 0.2
-"""Of the leaky rectifier in the attention (as in the original GAT)."""
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """relations: those that it tells apart, besides none; features: name of the feature set;
-    neighbours: of each piece in the graph; sizes of the layers."""
-
-    relations: tuple[str, ...]
-    features: str
-    node_size: int
-    edge_size: int
-    neighbours: int = 15
-    channels: int = 32
-    heads: int = 4
-    hops: int = 2
-    hidden: int = 32
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """What is stored beside the weights: enough to make the network again, and where it is from.
-
-    temperature: logits are divided by it, so that probabilities mean what they say; facts: seed,
-    epochs, scores.
-    """
-
-    network: NetworkConfig
-    temperature: float = 1.0
-    facts: dict[str, float | str] = field(default_factory=dict)
+from slam.core import Array
 
 
 class Triple(nn.Linear):
@@ -136,8 +97,7 @@ class EdgeClassifier(nn.Module):
         super().__init__()
         self.config = config
         c = config.channels
-        sizes = [(config.node_size, config.edge_size)] + [(c, c)] * (config.hops - 1)
-        self.hops = nn.ModuleList(Hop(v, e, c, config.heads) for v, e in sizes)
+        self.hops = nn.ModuleList(Hop(v, e, c, config.heads) for v, e in config.hop_sizes)
         self.first = Triple(c, c, config.hidden)
         self.second = nn.Linear(config.hidden, config.hidden)
         self.third = nn.Linear(config.hidden, 1 + len(config.relations))
@@ -204,41 +164,13 @@ def probabilities(model: EdgeClassifier, temperature: float, graph: ProximityGra
 
 
 def save(path: Path, model: EdgeClassifier, checkpoint: Checkpoint) -> None:
-    """Weights and their description as .npz: arrays and a JSON text, nothing that is executed."""
-    arrays = {name: value.numpy() for name, value in model.state_dict().items()}
-    header = {"format": FORMAT, **asdict(checkpoint)}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays, header=np.array(json.dumps(header)))
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(buffer.getvalue())
-    part.replace(path)
+    """The network's weights with their description."""
+    write(path, {name: value.numpy() for name, value in model.state_dict().items()}, checkpoint)
 
 
 def load(path: Path) -> tuple[EdgeClassifier, Checkpoint]:
     """A network and its description. Raises InputError for whatever ``save`` did not write."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such weights; `roomloop train` makes them")
-    arrays = ArrayFile(path, "weights of ours", MOST_BYTES).whole()
-    checkpoint = _checkpoint(path, arrays.pop("header", None))
+    arrays, checkpoint = read(path)
     model = EdgeClassifier(checkpoint.network)
-    try:
-        model.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
-    except (RuntimeError, TypeError) as error:
-        raise InputError(f"{path}: weights that do not fit their description") from error
-    if not all(torch.isfinite(value).all() for value in model.state_dict().values()):
-        raise InputError(f"{path}: weights that are not numbers")
+    model.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
     return model.eval(), checkpoint
-
-
-def _checkpoint(path: Path, header: Array | None) -> Checkpoint:
-    try:
-        tree = json.loads(str(header))
-        if tree.pop("format") != FORMAT:
-            raise KeyError("format")
-        network = {**tree["network"], "relations": tuple(tree["network"]["relations"])}
-        sizes = [network[key] for key in network.keys() - {"relations", "features"}]
-        if not all(isinstance(size, int) and 0 < size <= MOST_CHANNELS for size in sizes):
-            raise ValueError("sizes")
-        return Checkpoint(NetworkConfig(**network), float(tree["temperature"]), dict(tree["facts"]))
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{path}: header: expected the description of {FORMAT!r}") from error

@@ -1,18 +1,17 @@
-"""The outline of a room from the pieces that bound it.
-
-Written out in plain numbers: a room has a handful of sides, for which arrays are slower.
-"""
+"""The outlines of rooms from the pieces that bound them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from shapely import make_valid
-from shapely.geometry import MultiPoint, Polygon
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPoint, Polygon
 
-from semantics.preprocess import Pieces
+from semantics.around import Point, Round, Side, way_around
+from semantics.pieces import Pieces
 from slam.core import Array
 
 REACH = 1.5
@@ -20,137 +19,53 @@ REACH = 1.5
 PARALLEL = 0.25
 """Sine of the angle below which two sides have no common corner."""
 
-ALONE = 1e6
-"""What it costs a side to close a round alone [m]: only one that is alone does."""
-BEFORE = 0.6
-"""A shorter side that stands so far before a longer one is a pier or a chase [m]."""
-
-Point = tuple[float, float]
-Side = tuple[Point, Point]
-Round = list[Side]
-"""Sides in the order in which they follow each other, the first after the last."""
+EMPTY = Polygon()
 
 
-def room_outline(pieces: Pieces) -> tuple[Array, Array]:
-    """Polygon (K, 2) and centre (2,) of a room; the centre lies in the polygon.
+def room_outlines(rooms: Sequence[Pieces]) -> list[tuple[Array, Array]]:
+    """Polygon (K, 2) and centre (2,) of each room; the centre lies in the polygon.
 
-    The sides are walked around the room with its inside on the left, on the shortest way from end
-    to start that takes each once: neighbours are extended to their common corner where that is
-    near, and joined end to end where it is not. What closes by itself within that, a pillar, is
-    left out.
+    Sides that follow each other (``way_around``) are extended to their common corner where that is
+    near, and joined end to end where it is not.
     """
-    polygon = _polygon(_joined(_rounds(_outer(_walked(pieces)))))
-    if polygon is None:
-        polygon = MultiPoint(pieces.segment.reshape(-1, 2)).convex_hull.buffer(0.05)
-    centre = polygon.centroid
-    if not polygon.contains(centre):
-        centre = polygon.representative_point()
-    return np.array(polygon.exterior.coords[:-1]), np.array([centre.x, centre.y])
-
-
-def _walked(pieces: Pieces) -> Round:
-    """Segments turned so that the normal is to the left of the way from start to end."""
-    walked = []
-    for ((ax, ay), (bx, by)), (nx, ny) in zip(
-        pieces.segment.tolist(), pieces.normal.tolist(), strict=True
-    ):
-        left = (bx - ax) * ny - (by - ay) * nx >= 0.0
-        walked.append(((ax, ay), (bx, by)) if left else ((bx, by), (ax, ay)))
-    return walked
-
-
-def _outer(sides: Round) -> Round:
-    """Without those that stand before a longer one."""
+    if not rooms:
+        return []
+    shapes = _polygons([_corners(way_around(pieces)) for pieces in rooms])
+    for place in np.flatnonzero(shapely.area(shapes) <= 0.2).tolist():
+        ends = MultiPoint(rooms[place].segment.reshape(-1, 2))
+        shapes[place] = ends.convex_hull.buffer(0.05)
+    centre = shapely.centroid(shapes)
+    outside = ~shapely.contains(shapes, centre)
+    centre[outside] = shapely.point_on_surface(shapes[outside])
+    rings = shapely.get_exterior_ring(shapes)
+    bounds = np.cumsum(shapely.get_num_coordinates(rings))
+    outlines = np.split(shapely.get_coordinates(rings), bounds[:-1])
     return [
-        side
-        for k, side in enumerate(sides)
-        if not any(_stands_before(side, other) for j, other in enumerate(sides) if j != k)
+        (outline[:-1], at)
+        for outline, at in zip(outlines, shapely.get_coordinates(centre), strict=True)
     ]
 
 
-def _stands_before(side: Side, other: Side) -> bool:
-    """Is a side parallel to a longer one, close to it, and within its ends?"""
-    (ax, ay), (bx, by) = other
-    long = math.dist(*other)
-    if long <= math.dist(*side):
-        return False
-    x, y = (bx - ax) / long, (by - ay) / long
-    along = [(px - ax) * x + (py - ay) * y for px, py in side]
-    off = [(py - ay) * x - (px - ax) * y for px, py in side]
-    parallel = along[1] - along[0] > 0.9 * math.dist(*side)
-    middle = sum(along) / 2.0
-    return parallel and abs(sum(off) / 2.0) < BEFORE and 0.0 < middle < long
-
-
-def _rounds(sides: Round) -> list[Round]:
-    """The sides in closed rounds, with the least way between them in all."""
-    gap = [[_gap(side, following) for following in sides] for side in sides]
-    for place, row in enumerate(gap):
-        row[place] = ALONE
-    _, after = linear_sum_assignment(np.array(gap))
-    following = after.tolist()
-    rounds: list[Round] = []
-    waiting = set(range(len(sides)))
-    while waiting:
-        place = min(waiting)
-        order = []
-        while place in waiting:
-            waiting.remove(place)
-            order.append(sides[place])
-            place = following[place]
-        rounds.append(order)
-    return rounds
-
-
-def _gap(side: Side, following: Side) -> float:
-    """From the end of a side to the start of another one [m]."""
-    return math.dist(side[1], following[0])
-
-
-def _joined(rounds: list[Round]) -> Round:
-    """One round: the largest, and each other one that is no pillar within it, or is near, put in
-    where that makes the way longer by the least."""
-    whole, *others = sorted(rounds, key=_area, reverse=True)
-    for other in others:
-        added, at, start = min(
-            (
-                _gap(side, other[k])
-                + _gap(other[k - 1], whole[(i + 1) % len(whole)])
-                - _gap(side, whole[(i + 1) % len(whole)])
-                - _gap(other[k - 1], other[k]),
-                i,
-                k,
-            )
-            for i, side in enumerate(whole)
-            for k in range(len(other))
-        )
-        if _area(other) > 0.0 or added < REACH:
-            whole = [*whole[: at + 1], *other[start:], *other[:start], *whole[at + 1 :]]
-    return whole
-
-
-def _area(order: Round) -> float:
-    """Twice what a round encloses [m2], negative if it goes clockwise, around something."""
-    points = [point for side in order for point in side]
-    return sum(
-        ax * by - ay * bx
-        for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True)
-    )
-
-
-def _polygon(order: Round) -> Polygon | None:
-    """Through the corners; None where they make none."""
-    corners: list[Point] = []
-    for side, following in zip(order, [*order[1:], order[0]], strict=True):
-        corners += _join(side, following)
-    if len(corners) < 3:
-        return None
-    shape = Polygon(corners)
-    if not shape.is_valid:
-        mended = make_valid(shape)
+def _polygons(corners: Sequence[list[Point]]) -> NDArray[np.object_]:
+    """The polygons through the corners; an empty one where they make none."""
+    shapes = np.full(len(corners), EMPTY, dtype=object)
+    number = np.array([len(points) for points in corners])
+    made = np.flatnonzero(number >= 3)
+    points = np.array([point for place in made.tolist() for point in corners[place]])
+    if len(made):
+        owner = np.repeat(np.arange(len(made)), number[made])
+        shapes[made] = shapely.polygons(shapely.linearrings(points, indices=owner))
+    for place in np.flatnonzero(~shapely.is_valid(shapes)).tolist():
+        mended = shapely.make_valid(shapes[place])
         parts = [part for part in getattr(mended, "geoms", [mended]) if isinstance(part, Polygon)]
-        shape = max(parts, key=lambda part: part.area, default=Polygon())
-    return shape if shape.area > 0.2 else None
+        shapes[place] = max(parts, key=lambda part: part.area, default=EMPTY)
+    return shapes
+
+
+def _corners(order: Round) -> list[Point]:
+    """From side to side of the way around."""
+    pairs = zip(order, [*order[1:], order[0]], strict=True)
+    return [corner for side, following in pairs for corner in _join(side, following)]
 
 
 def _join(side: Side, following: Side) -> list[Point]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from semantics.preprocess import Pieces
+from semantics.lines import row_dots
+from semantics.pieces import Pieces
 from slam.core import Array, IntArray, PlanePiece
 
 MOST = np.radians(8.0)
@@ -38,24 +39,20 @@ def walls_of(
     behind it; but what one room has of a plane is one face, in however many pieces: of those the
     pair with most in common stands for all. A piece alone may be of any room.
     """
-    common = _back_to_back(pieces, pairs, config)
-    good = np.flatnonzero((common > config.overlap) & (probability > config.wall))
-    good = good[np.argsort(-common[good], kind="stable")]
+    likely = np.flatnonzero(probability > config.wall)
+    common = _back_to_back(pieces, pairs[likely], config)
+    good = np.flatnonzero(common > config.overlap)
+    good = likely[good[np.argsort(-common[good], kind="stable")]]
     size = np.bincount(label[label >= 0], minlength=1)
     room = np.where((label >= 0) & (size[label] > 1), label, -1)
     taken: dict[int, list[_Claim]] = {}
     chosen = []
-    for place in good.tolist():
-        i, j = pairs[place].tolist()
-        claims = []
-        for a, b in ((i, j), (j, i)):
-            low, high = _stretch(pieces, a, b)
-            rooms = (int(room[a]), int(room[b]))
-            claims.append((int(pieces.plane_id[a]), (int(pieces.plane_id[b]), rooms, low, high)))
-        if not any(_is_told(claim, taken.get(plane, ())) for plane, claim in claims):
+    for place, claims in zip(good.tolist(), _claims(pieces, pairs[good], room), strict=True):
+        (p, here), (q, there) = claims
+        if not (_is_told(here, taken.get(p, ())) or _is_told(there, taken.get(q, ()))):
             chosen.append(place)
-            for plane, claim in claims:
-                taken.setdefault(plane, []).append(claim)
+            taken.setdefault(p, []).append(here)
+            taken.setdefault(q, []).append(there)
     return np.array(sorted(chosen), dtype=np.int64)
 
 
@@ -63,53 +60,79 @@ _Claim = tuple[int, tuple[int, int], float, float]
 """Of a plane's wall: the other plane, the rooms here and there, and from where to where [m]."""
 
 
+def _claims(
+    pieces: Pieces, pairs: IntArray, room: IntArray
+) -> Iterator[tuple[tuple[int, _Claim], tuple[int, _Claim]]]:
+    """Of each pair, what it says of the plane of the one and of that of the other."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    low, high = (side.reshape(2, -1).T.tolist() for side in _stretches(pieces, both))
+    planes, rooms = pieces.plane_id[pairs].tolist(), room[pairs].tolist()
+    for (p, q), (here, there), start, end in zip(planes, rooms, low, high, strict=True):
+        yield (
+            (p, (q, (here, there), start[0], end[0])),
+            (q, (p, (there, here), start[1], end[1])),
+        )
+
+
 def _is_told(claim: _Claim, known: Iterable[_Claim]) -> bool:
     """Has a wall between the same rooms been told of the same two planes, or of this stretch?"""
     other, rooms, low, high = claim
-    return any(
-        _may_be_same(rooms, theirs) and (other == plane or (low < end and start < high))
-        for plane, theirs, start, end in known
-    )
+    for plane, theirs, start, end in known:
+        near = other == plane or (low < end and start < high)
+        if near and _may_be_same(rooms, theirs):
+            return True
+    return False
 
 
-def _stretch(pieces: Pieces, i: int, j: int) -> tuple[float, float]:
-    """From where to where along i's plane both pieces run [m]."""
-    axis = np.array([-pieces.normal[i, 1], pieces.normal[i, 0]])
-    mine, others = np.sort(pieces.segment[i] @ axis), np.sort(pieces.segment[j] @ axis)
-    return float(max(mine[0], others[0])), float(min(mine[1], others[1]))
+def _stretches(pieces: Pieces, pairs: IntArray) -> tuple[Array, Array]:
+    """(P,) from where to where along the plane of the first both pieces run [m]."""
+    mine, others = (np.sort(_along(pieces, pairs, k), axis=1).T for k in (0, 1))
+    return np.maximum(mine[0], others[0]), np.minimum(mine[1], others[1])
 
 
-def trimmed(pieces: Pieces, i: int, j: int) -> PlanePiece:
-    """Of piece i what lies back to back with j: the face of that wall, where the plane has more."""
-    axis = np.array([-pieces.normal[i, 1], pieces.normal[i, 0]])
-    along = pieces.segment[i] @ axis
-    ends = np.clip(along, *_stretch(pieces, i, j))
-    segment = pieces.segment[i] + (ends - along)[:, None] * axis
-    return PlanePiece(int(pieces.plane_id[i]), segment)
+def _along(pieces: Pieces, pairs: IntArray, which: int) -> Array:
+    """(P, 2) where the ends of one of each two pieces are along the plane of the first [m]."""
+    axis = _axes(pieces)[pairs[:, 0]]
+    return np.matmul(pieces.segment[pairs[:, which]], axis[:, :, None])[:, :, 0]
+
+
+def _axes(pieces: Pieces) -> Array:
+    return np.column_stack([-pieces.normal[:, 1], pieces.normal[:, 0]])
+
+
+def faces_of(pieces: Pieces, pairs: IntArray) -> list[tuple[PlanePiece, PlanePiece]]:
+    """Of each two pieces what lies back to back with the other one: the faces of that wall, where
+    the planes have more."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    first, (low, high) = both[:, 0], _stretches(pieces, both)
+    along = _along(pieces, both, 0)
+    ends = np.minimum(np.maximum(along, low[:, None]), high[:, None])
+    shift = (ends - along)[:, :, None] * _axes(pieces)[first][:, None, :]
+    faces = list(map(PlanePiece, pieces.plane_id[first].tolist(), pieces.segment[first] + shift))
+    return list(zip(faces[: len(pairs)], faces[len(pairs) :], strict=True))
 
 
 def _may_be_same(rooms: tuple[int, int], others: tuple[int, int]) -> bool:
     """Two pairs of rooms, -1 for an unknown one."""
-    return all(a == b or -1 in (a, b) for a, b in zip(rooms, others, strict=True))
+    (a, b), (c, d) = rooms, others
+    return (a == c or a < 0 or c < 0) and (b == d or b < 0 or d < 0)
 
 
 def _back_to_back(pieces: Pieces, pairs: IntArray, config: WallConfig) -> Array:
     """(P,) length that two pieces have in common across a wall body [m]; 0 where there is none."""
-    length, normal = pieces.length, pieces.normal
-    shorter = np.minimum(length[pairs[:, 0]], length[pairs[:, 1]])
+    i, j = pairs.T
+    shorter = np.minimum(pieces.length[i], pieces.length[j])
     angle = config.angle + config.angle_noise / np.maximum(shorter, 0.1)
-    cosine = np.einsum("pc,pc->p", normal[pairs[:, 0]], normal[pairs[:, 1]])
-    opposed = cosine < -np.cos(np.minimum(angle, MOST))
-    found = np.zeros(len(pairs))
-    i, j = pairs[opposed].T
+    cosine = row_dots(pieces.normal[i], pieces.normal[j])
+    opposed = np.flatnonzero(cosine < -np.cos(np.minimum(angle, MOST)))
+    i, j = i[opposed], j[opposed]
     away = pieces.centre[j] - pieces.centre[i]
-    depth_i = -np.einsum("pc,pc->p", away, normal[i])
-    depth_j = np.einsum("pc,pc->p", away, normal[j])
+    depth_i, depth_j = -row_dots(away, pieces.normal[i]), row_dots(away, pieces.normal[j])
     low, high = config.gap
     near = (np.minimum(depth_i, depth_j) > low) & (np.maximum(depth_i, depth_j) < high)
-    axis = np.column_stack([-normal[:, 1], normal[:, 0]])[i]
-    along_i = np.sort(np.einsum("pkc,pc->pk", pieces.segment[i], axis), axis=1)
-    along_j = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], axis), axis=1)
-    common = np.minimum(along_i[:, 1], along_j[:, 1]) - np.maximum(along_i[:, 0], along_j[:, 0])
+    mine = pieces.along[i]
+    others = np.sort(np.einsum("pkc,pc->pk", pieces.segment[j], _axes(pieces)[i]), axis=1)
+    common = np.minimum(mine[:, 1], others[:, 1]) - np.maximum(mine[:, 0], others[:, 0])
+    found = np.zeros(len(pairs))
     found[opposed] = np.where(near, np.maximum(common, 0.0), 0.0)
     return found

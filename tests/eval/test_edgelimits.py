@@ -12,7 +12,8 @@ from eval.bench_semantics import room_map
 from eval.edgelimits import edge_limits
 from semantics.dataset import Sample
 from semantics.edges import Edges
-from semantics.preprocess import Pieces, Preprocessor
+from semantics.pieces import Pieces
+from semantics.preprocess import Preprocessor
 
 PAIRS = np.array([[0, 1], [2, 3], [0, 4], [4, 5], [1, 6]])
 PROBABILITY = np.array([0.9, 0.2, 0.8, 0.6, 0.1])

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from semantics.clusters import ClusterConfig, _linked, _odds, agglomerate, is_room
-from semantics.outline import room_outline
+from semantics.outline import room_outlines
 from semantics.preprocess import Preprocessor
 
 CONFIG = ClusterConfig()
@@ -70,7 +70,7 @@ def test_what_is_a_room_and_what_is_not():
 
 @pytest.mark.parametrize("sides", [around(1, 1, 5, 4), around(1, 1, 5, 4)[:3], L_ROOM])
 def test_outlines_of_whole_rooms_and_of_rooms_with_a_side_unseen(sides):
-    polygon, centre = room_outline(pieces_of(sides))
+    ((polygon, centre),) = room_outlines([pieces_of(sides)])
     corners = [side[0] for side in (around(1, 1, 5, 4) if len(sides) < 5 else sides)]
     true = Polygon(corners)
     found = Polygon(polygon)
@@ -79,9 +79,9 @@ def test_outlines_of_whole_rooms_and_of_rooms_with_a_side_unseen(sides):
 
 
 def test_outlines_do_not_depend_on_the_origin():
-    near, _ = room_outline(pieces_of(L_ROOM))
+    ((near, _),) = room_outlines([pieces_of(L_ROOM)])
     away = [((a + 1000, b - 500), (c + 1000, d - 500)) for (a, b), (c, d) in L_ROOM]
-    far, _ = room_outline(pieces_of(away))
+    ((far, _),) = room_outlines([pieces_of(away)])
     assert np.allclose(near, far - [1000, -500], atol=1e-6)
 
 

@@ -112,6 +112,13 @@ def test_weights_that_do_not_fit_or_are_no_numbers_are_refused(tmp_path):
         load(tmp_path / "b.npz")
 
 
+def test_channels_that_the_heads_cannot_share_are_refused(tmp_path):
+    config = NetworkConfig(("same_room",), "paper", 3, 3, channels=32, heads=3)
+    save(tmp_path / "w.npz", EdgeClassifier(config), Checkpoint(config))
+    with pytest.raises(InputError, match="header"):
+        load(tmp_path / "w.npz")
+
+
 def test_what_is_made_of_a_node_once_is_what_a_linear_layer_makes_of_each_edge():
     torch.manual_seed(1)
     layer = Triple(3, 5, 7)

@@ -7,8 +7,8 @@ import pytest
 from shapely.geometry import Point, Polygon
 from shapely.geometry.polygon import orient
 
-from semantics.outline import room_outline
-from semantics.preprocess import Pieces
+from semantics.outline import room_outlines
+from semantics.pieces import Pieces
 from slam.core import Array
 from worlds.generator import GeneratorConfig, random_plan
 
@@ -42,7 +42,7 @@ def _pieces(segment: Array) -> Pieces:
 
 
 def _likeness(segment: Array, true: Polygon) -> float:
-    polygon, centre = room_outline(_pieces(segment))
+    ((polygon, centre),) = room_outlines([_pieces(segment)])
     found = Polygon(polygon)
     assert found.is_valid
     assert found.covers(Point(centre))
@@ -93,7 +93,17 @@ def test_rooms_of_random_buildings() -> None:
     assert np.mean(np.array(shares) < 0.9) < 0.03
 
 
+def test_many_rooms_at_once_are_as_each_alone() -> None:
+    rooms = [_pieces(_sides(Polygon(corners), 0.05)) for corners in SHAPES.values()]
+    rooms.insert(2, _pieces(np.array([[[0.0, 0.0], [2.0, 0.0]]])))
+    for pieces, (polygon, centre) in zip(rooms, room_outlines(rooms), strict=True):
+        ((alone, its_centre),) = room_outlines([pieces])
+        np.testing.assert_array_equal(polygon, alone)
+        np.testing.assert_array_equal(centre, its_centre)
+    assert room_outlines([]) == []
+
+
 def test_no_polygon_makes_a_hull() -> None:
-    polygon, centre = room_outline(_pieces(np.array([[[0.0, 0.0], [2.0, 0.0]]])))
+    ((polygon, centre),) = room_outlines([_pieces(np.array([[[0.0, 0.0], [2.0, 0.0]]]))])
     assert Polygon(polygon).covers(Point(centre))
     assert Polygon(polygon).area < 0.3

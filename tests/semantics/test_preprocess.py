@@ -196,6 +196,23 @@ def test_what_did_not_change_is_not_worked_out_again():
         preprocess(planes)
 
 
+def test_however_the_map_has_come_about_its_pieces_are_the_same():
+    """Planes that move, go, come back and change their order, against a look at all of them."""
+    rng = np.random.default_rng(4)
+    planes = list(view(TWO_ROOMS_AND_A_CORRIDOR).planes)
+    preprocess = Preprocessor()
+    for _ in range(30):
+        name = int(rng.integers(len(planes)))
+        there = planes[name]
+        points = there.points[rng.random(len(there.points)) < 0.97] + rng.normal(0.0, 0.02, 3)
+        planes[name] = replace(there, points=points, revision=there.revision + 1)
+        shown = [plane for plane in planes if rng.random() < 0.8]
+        shown = [shown[k] for k in rng.permutation(len(shown))]
+        kept, fresh = preprocess(shown), Preprocessor()(shown)
+        for column in ("plane_id", "segment", "normal", "height", "barrier"):
+            assert np.array_equal(getattr(kept, column), getattr(fresh, column)), column
+
+
 def test_points_that_are_far_apart_are_no_wall():
     there = plane(3, ((0, 0), (4, 0)))
     points = np.vstack([there.points, [1e9, 0.0, 1.0]])

@@ -7,17 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString
 
-from semantics.preprocess import Pieces, Preprocessor
+from semantics.lines import segment_gaps
+from semantics.neighbours import REACH, SHORT, TOUCH, closest_segments
+from semantics.pieces import Pieces
+from semantics.preprocess import Preprocessor
 from semantics.proximity import (
-    REACH,
-    SHORT,
-    TOUCH,
     InvariantFeatures,
     PaperFeatures,
-    closest_segments,
     features_named,
     proximity_graph,
-    segment_gap,
 )
 from slam.core import InputError
 
@@ -35,16 +33,6 @@ def random_pieces(count, seed=0):
     normal = np.column_stack([-direction[:, 1], direction[:, 0]])
     height = np.tile([0.0, 2.5], (count, 1))
     return Pieces(np.arange(count), np.stack([start, end], axis=1), normal, height)
-
-
-@settings(deadline=None)
-@given(st.lists(st.floats(-5, 5).map(lambda x: round(x, 3)), min_size=8, max_size=8))
-def test_gaps_are_shapelys(numbers):
-    a, b = np.array(numbers).reshape(2, 1, 2, 2)
-    if np.ptp(a[0], axis=0).max() < 1e-3 or np.ptp(b[0], axis=0).max() < 1e-3:
-        return
-    expected = LineString(a[0]).distance(LineString(b[0]))
-    assert segment_gap(a, b)[0] == pytest.approx(expected, abs=1e-6)
 
 
 def test_every_piece_has_its_nearest_ones():
@@ -68,7 +56,7 @@ def test_a_large_map_gives_nearly_the_same_pairs_as_looking_at_all():
     pieces = random_pieces(400)
     i, j, _ = closest_segments(pieces, 15)
     a, b = np.triu_indices(400, 1)
-    gap = segment_gap(pieces.segment[a], pieces.segment[b])
+    gap = segment_gaps(pieces.segment, a, b)
     rank = np.full((400, 400), np.inf)
     rank[a, b] = rank[b, a] = gap
     nearest = np.argsort((rank + TOUCH) / (pieces.length + SHORT), axis=1)[:, :8]

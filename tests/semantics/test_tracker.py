@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantics.tracker import RoomTracker, WallTracker
+from semantics.roomtracker import RoomTracker
+from semantics.walltracker import WallTracker
 from slam.core import PlanePiece, RoomProposal, WallProposal
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from houses import view
 
 from semantics.preprocess import Preprocessor
-from semantics.walls import WallConfig, trimmed, walls_of
+from semantics.walls import WallConfig, faces_of, walls_of
 
 CONFIG = WallConfig()
 
@@ -68,6 +68,7 @@ def test_a_face_is_told_once_though_it_was_mapped_twice():
 
 def test_a_walls_face_is_what_lies_back_to_back():
     pieces = pieces_of([((0.0, 0.0), (8.0, 0.0)), ((5.0, -0.2), (2.0, -0.2))])
-    assert np.allclose(np.sort(trimmed(pieces, 0, 1).segment[:, 0]), [2.0, 5.0], atol=0.02)
-    assert np.allclose(trimmed(pieces, 0, 1).segment[:, 1], 0.0, atol=1e-9)
-    assert np.allclose(np.sort(trimmed(pieces, 1, 0).segment[:, 0]), [2.0, 5.0], atol=0.02)
+    ((first, second),) = faces_of(pieces, np.array([[0, 1]]))
+    assert np.allclose(np.sort(first.segment[:, 0]), [2.0, 5.0], atol=0.02)
+    assert np.allclose(first.segment[:, 1], 0.0, atol=1e-9)
+    assert np.allclose(np.sort(second.segment[:, 0]), [2.0, 5.0], atol=0.02)

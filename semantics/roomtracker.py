@@ -1,22 +1,22 @@
-"""Rooms and walls over time: each keeps its id from one inference to the next, none flickers."""
+"""Rooms over time: each keeps its id from one inference to the next, none flickers."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import shapely
 
-from slam.core import PlanePiece, RoomProposal, WallProposal
+from semantics.overlap import common, length
+from slam.core import RoomProposal
 
 
 @dataclass(frozen=True)
-class TrackerConfig:
+class RoomTrackerConfig:
     """overlap: least share of common length, of the longer and of the shorter one, for two rooms to
     be one; area: least share of the area of both that is common to both, for two rooms to be one
     whose planes have become others; patience: inferences without
-    evidence after which a room or wall is given up, and for which two known rooms stay two although
+    evidence after which a room is given up, and for which two known rooms stay two although
     they are found as one; taken: share of a missing room's pieces that others may have taken before
     it is given up at once, and of a known room that is in another one."""
 
@@ -34,17 +34,19 @@ class RoomTracker:
     A room that comes as the very object it came as last time is known without looking.
     """
 
-    def __init__(self, config: TrackerConfig = TrackerConfig()):
+    def __init__(self, config: RoomTrackerConfig = RoomTrackerConfig()):
         self._config = config
         self._known: dict[int, RoomProposal] = {}
         self._sources: dict[int, RoomProposal] = {}
         self._missed: dict[int, int] = {}
         self._retired: dict[int, RoomProposal] = {}
         self._mergers: dict[frozenset[int], int] = {}
+        self._shared: dict[tuple[int, int], float] = {}
         self._next = 0
 
     def update(self, found: Sequence[RoomProposal]) -> tuple[RoomProposal, ...]:
         """The rooms to hold true now: those found, and those missed only lately."""
+        self._shared = {}
         found = self._believed(found)
         names = self._names(found)
         named = {
@@ -84,7 +86,7 @@ class RoomTracker:
                 continue
             near = {n for piece in room.pieces for n in by_plane.get(piece.plane_id, ())}
             for name in sorted(near):
-                of_longer, of_shorter = _likeness(room, rivals[name])
+                of_longer, of_shorter = self._likeness(room, name, rivals[name])
                 if of_longer >= least_long and of_shorter >= least_short:
                     scores.append((-of_longer, place, name))
         _give(names, scores)
@@ -129,9 +131,22 @@ class RoomTracker:
         return frozenset(
             n
             for n in near
-            if common(room.pieces, self._known[n].pieces)
+            if self._common(room, n, self._known[n])
             > self._config.taken * length(self._known[n].pieces)
         )
+
+    def _likeness(self, room: RoomProposal, name: int, rival: RoomProposal) -> tuple[float, float]:
+        """Shares of the longer and of the shorter one's walls that are common to both."""
+        shared = self._common(room, name, rival)
+        sizes = sorted((length(room.pieces), length(rival.pieces)))
+        return shared / sizes[1], shared / sizes[0]
+
+    def _common(self, room: RoomProposal, name: int, rival: RoomProposal) -> float:
+        """Length [m] that a found room has in common with one of this name; asked twice."""
+        key = id(room), name
+        if key not in self._shared:
+            self._shared[key] = common(room.pieces, rival.pieces)
+        return self._shared[key]
 
     def _new(self) -> int:
         self._next += 1
@@ -171,106 +186,3 @@ def _by_plane(rooms: Mapping[int, RoomProposal]) -> dict[int, list[int]]:
         for piece in room.pieces:
             found.setdefault(piece.plane_id, []).append(name)
     return found
-
-
-class WallTracker:
-    """A wall is known by its two planes; where a pair of planes has several, by where they are."""
-
-    def __init__(self, config: TrackerConfig = TrackerConfig()):
-        self._config = config
-        self._known: dict[int, WallProposal] = {}
-        self._sources: dict[int, WallProposal] = {}
-        self._missed: dict[int, int] = {}
-        self._next = 0
-
-    def update(self, found: Sequence[WallProposal]) -> tuple[WallProposal, ...]:
-        """The walls to hold true now."""
-        same = {id(wall): name for name, wall in self._sources.items()}
-        names = [same.get(id(wall)) for wall in found]
-        taken = set(names)
-        free = _by_planes((n, wall) for n, wall in self._known.items() if n not in taken)
-        named: dict[int, WallProposal] = {}
-        sources = {}
-        for wall, known in zip(found, names, strict=True):
-            name = self._match(wall, free) if known is None else known
-            sources[name] = wall
-            named[name] = self._known[name] if known is not None else replace(wall, id=name)
-        kept = self._missing(named)
-        self._sources = sources
-        self._known = dict(sorted({**named, **kept}.items()))
-        return tuple(self._known.values())
-
-    def _match(
-        self, wall: WallProposal, free: dict[frozenset[int], dict[int, WallProposal]]
-    ) -> int:
-        """The id of a known wall that is this one, which then is no longer free; or a new id."""
-        rivals = free.get(_planes(wall), {})
-        name = next((n for n, known in rivals.items() if _same_wall(wall, known)), None)
-        if name is not None:
-            del rivals[name]
-            return name
-        self._next += 1
-        return self._next - 1
-
-    def _missing(self, named: Mapping[int, WallProposal]) -> dict[int, WallProposal]:
-        """Known walls that were not found but are kept for now."""
-        lost = {name: wall for name, wall in self._known.items() if name not in named}
-        present = _by_planes(named.items()) if lost else {}
-        kept = {}
-        for name, wall in lost.items():
-            others = present.get(_planes(wall), {}).values()
-            patient = self._missed.get(name, 0) < self._config.patience
-            if patient and not any(_same_wall(wall, other) for other in others):
-                kept[name] = wall
-        self._missed = {name: self._missed.get(name, 0) + 1 for name in kept}
-        return kept
-
-
-def _planes(wall: WallProposal) -> frozenset[int]:
-    return frozenset(piece.plane_id for piece in wall.pieces)
-
-
-def _by_planes(
-    walls: Iterable[tuple[int, WallProposal]],
-) -> dict[frozenset[int], dict[int, WallProposal]]:
-    """The pair of planes -> walls by name."""
-    found: dict[frozenset[int], dict[int, WallProposal]] = {}
-    for name, wall in walls:
-        found.setdefault(_planes(wall), {})[name] = wall
-    return found
-
-
-def _likeness(a: RoomProposal, b: RoomProposal) -> tuple[float, float]:
-    """Shares of the longer and of the shorter one's walls that are common to both."""
-    shared, sizes = common(a.pieces, b.pieces), sorted((length(a.pieces), length(b.pieces)))
-    return shared / sizes[1], shared / sizes[0]
-
-
-def _same_wall(a: WallProposal, b: WallProposal) -> bool:
-    return any(
-        common(a.pieces[:1], pair[:1]) > 0.0 and common(a.pieces[1:], pair[1:]) > 0.0
-        for pair in (b.pieces, b.pieces[::-1])
-    )
-
-
-def common(a: Sequence[PlanePiece], b: Sequence[PlanePiece]) -> float:
-    """Length [m] of what two sets of pieces share of their planes."""
-    return sum(
-        _overlap(first, second) for first in a for second in b if first.plane_id == second.plane_id
-    )
-
-
-def _overlap(a: PlanePiece, b: PlanePiece) -> float:
-    """Length of b, laid on a's line, that is on a [m]; plain numbers are the faster here."""
-    (x0, y0), (x1, y1) = a.segment.tolist()
-    run_x, run_y = x1 - x0, y1 - y0
-    size = math.hypot(run_x, run_y)
-    if size < 1e-9:
-        return 0.0
-    low, high = sorted(((x - x0) * run_x + (y - y0) * run_y) / size for x, y in b.segment.tolist())
-    return max(0.0, min(high, size) - max(low, 0.0))
-
-
-def length(pieces: Sequence[PlanePiece]) -> float:
-    """Total length of pieces [m]."""
-    return max(sum(math.dist(*piece.segment.tolist()) for piece in pieces), 1e-9)
