@@ -87,11 +87,13 @@ def match_rooms(votes: Sequence[RoomVote], truth: Truth, T_world_map: Array) -> 
 def match_centres(
     votes: Sequence[RoomVote], rooms: Sequence[Room], T_world_map: Array
 ) -> dict[int, int]:
-    """The centre rule: place in ``votes`` -> room whose polygon holds the centre, one-to-one."""
+    """The centre rule: place in ``votes`` -> room whose polygon holds the centre, one-to-one; of
+    rooms above each other the one that owns the pieces, if there are any."""
     holders: dict[int, int | None] = {}
     for place, vote in enumerate(votes):
-        holder = next((room.id for room in rooms if centre_in(room, vote, T_world_map)), None)
-        holders[place] = holder
+        by_likelihood = sorted(rooms, key=lambda room: room.id != vote.owner)
+        holding = (room.id for room in by_likelihood if centre_in(room, vote, T_world_map))
+        holders[place] = next(holding, None)
     candidates = [
         (-vote.coverage, vote.id, place)
         for place, vote in enumerate(votes)

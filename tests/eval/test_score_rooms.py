@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon, box
 
-from eval.score_rooms import RoomScore, iou, score_rooms
+from eval.score_rooms import RoomScore, iou, match_centres, score_rooms
 from eval.seen import SeenFaces
 from eval.votes import PieceVote, RoomVote, room_vote
 from slam.core import Array, RoomProposal, pose, so3_exp
@@ -247,6 +247,14 @@ def test_storeys_limit_the_centre_rule(house, vote) -> None:
     for storeys, expected in (({1}, {3}), ({0}, {0})):
         result = score_rooms(detection, {}, truth, np.eye(4), expected, (), storeys)
         assert result.centre_recall == 1.0
+
+
+def test_of_rooms_above_each_other_a_centre_is_in_the_one_whose_faces_it_has(house, vote) -> None:
+    upper = dataclasses.replace(house.truth.rooms[0], id=3, storey=1, faces=())
+    rooms = [*house.truth.rooms, upper]
+    lower_first = match_centres([vote(0, (0, 1, 2, 3), IN_A)], rooms, np.eye(4))
+    upper_first = match_centres([vote(0, (0, 1, 2, 3), IN_A)], rooms[::-1], np.eye(4))
+    assert lower_first == upper_first == {0: 0}
 
 
 MIXES = st.lists(
