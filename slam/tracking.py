@@ -21,6 +21,7 @@ from slam.core import (
     orthonormal,
     pose,
     so3_exp,
+    so3_log,
     transform_points,
     yaw_of,
 )
@@ -38,7 +39,8 @@ class TrackingConfig:
     is believed in; point_sigma [m]: of a return, plane_sigma [m]: of a plane, however many returns
     lie on it; *_sigma: how far (turns about x, y, z [rad], shifts along x, y, z [m]) the
     pose at the sweep's end may lie from the odometry's, that at its start from the last sweep's
-    end, and the motion between them from that of the last sweep.
+    end, and the motion between them from that of the last sweep. memory: scans within which a pose
+    that has turned away from the odometry's by doubt [rad] must explain more of the scan than it.
     """
 
     points: int = 2000
@@ -50,6 +52,8 @@ class TrackingConfig:
     odometry_sigma: Sigmas = (0.007, 0.007, 0.05, 0.05, 0.05, 0.01)
     last_sigma: Sigmas = (0.003, 0.003, 0.003, 0.003, 0.003, 0.003)
     motion_sigma: Sigmas = (0.004, 0.004, 0.015, 0.006, 0.006, 0.003)
+    memory: int = 8
+    doubt: float = np.radians(2.5)
     planes: LocalPlaneConfig = field(default_factory=LocalPlaneConfig)
 
 
@@ -65,18 +69,22 @@ class PlaneTracker:
         self._T_track_odom = np.eye(4)
         self._ends: list[Stamped] = []
         self._motion = np.eye(4)
+        self._lately: list[tuple[Array, Array]] = []  # T_track_base, T_odom_base of the last scans
 
     def track(self, scan: Scan, T_odom_base: Array) -> Array:
         """T_track_base (4, 4) at the sweep's end."""
         T = self._T_track_odom @ T_odom_base
         if self._ends:
             stamp, T_last = self._ends[-1]
-            start, T = self._refine(scan, stamp, T_last, _kept_level(T_last, T))
+            steady = T_last @ self._motion
+            start, T = self._refine(scan, stamp, T_last, steady, _kept_level(T_last, T))
+            start, T = self._believed(scan, stamp, start, T, T_odom_base)
             self._motion = inverse(start) @ T
             self._ends = [(stamp, start), (scan.stamp, T)]
         else:
             self._ends = [(scan.stamp, T)]
         self._T_track_odom = orthonormal(T @ inverse(T_odom_base))
+        self._lately = [*self._lately[1 - self._config.memory :], (T, T_odom_base)]
         return T
 
     def deskew(self, scan: Scan) -> Array:
@@ -88,10 +96,45 @@ class PlaneTracker:
         self._planes.learn(planes, self._ends[-1][1])
         self._stack = PlaneStack(tuple(self._planes))
 
-    def _refine(
-        self, scan: Scan, stamp: float, T_last: Array, T_odom: Array
+    def _believed(
+        self, scan: Scan, stamp: float, start: Array, end: Array, T_odom_base: Array
     ) -> tuple[Array, Array]:
-        """T_track_base at the sweep's start and at its end.
+        """A sweep's refined start and end, or those refined from where the odometry says.
+
+        The planes of one room, taken to go on into the next, and a floor that becomes a ramp lead
+        the pose away, a degree with each scan. Where it has left the odometry's way, the scan's
+        points decide; odometries that match points go astray as well.
+        """
+        T_track_then, T_odom_then = self._lately[0]
+        T_track_odom = T_track_then @ inverse(T_odom_then)
+        said, said_last = T_track_odom @ T_odom_base, T_track_odom @ self._lately[-1][1]
+        turned = so3_log(said[:3, :3].T @ end[:3, :3])
+        if float(np.linalg.norm(turned)) < self._config.doubt or not len(self._stack):
+            return start, end
+        other = self._refine(scan, stamp, said_last, said, said)
+        mine, theirs = (self._explained(scan, stamp, *ends) for ends in ((start, end), other))
+        if mine > theirs:
+            return start, end
+        self._lately = [(T_track_odom @ odom, odom) for _, odom in self._lately]
+        return other
+
+    def _explained(self, scan: Scan, stamp: float, start: Array, end: Array) -> int:
+        """How many points of a scan lie on walls, the base having moved from start to end; the
+        floor under the base fits whatever its tilt."""
+        config = self._config
+        sample = _sample(scan, config.points)
+        points = transform_points(end, deskew(sample, [(stamp, start), (scan.stamp, end)])).T
+        origin = transform_points(end, scan.T_base_lidar[:3, 3])
+        gate = config.gates[-1]
+        candidates = Candidates(self._stack, points, origin, gate, config.margin)
+        _, which, _ = candidates.correspond(points, gate, config.level_gate)
+        return int((~self._stack.level[which]).sum())
+
+    def _refine(
+        self, scan: Scan, stamp: float, T_last: Array, steady: Array, T_odom: Array
+    ) -> tuple[Array, Array]:
+        """T_track_base at the sweep's start and at its end, from where each is expected; steady:
+        the end if the base goes on as before.
 
         Both are free: a start that is held where the last sweep ended makes every error return with
         the other sign in the next sweep. A loose one is worse: beams that are differently off make
@@ -99,7 +142,6 @@ class PlaneTracker:
         that. Gauss-Newton; correspondences are renewed at each step.
         """
         config = self._config
-        steady = T_last @ self._motion
         if not len(self._stack):
             return T_last, T_odom
         start, end = T_last, steady

@@ -108,3 +108,28 @@ def test_the_synthetic_beams_are_those_of_the_sensor():
     assert len(ELEVATIONS) == 16
     normal, d = transform_plane(np.eye(4), np.array([1.0, 0.0, 0.0]), 2.0)
     assert normal @ np.array([-2.0, 0.0, 0.0]) + d == 0.0
+
+
+def led_away(turned):
+    """A tracker that knows the box, and believes that the base turns so far with each sweep."""
+    rng = np.random.default_rng(6)
+    true, tracker = driven(4), PlaneTracker()
+    for k, T_world_base in enumerate(true[:3]):
+        scan = scan_between(true[max(k - 1, 0)], T_world_base, rng, k)
+        tracker.track(scan, inverse(true[0]) @ T_world_base)
+        if k == 0:
+            origin = T_BASE_LIDAR[:3, 3]
+            points = tracker.deskew(scan)
+            tracker.learn(extract_planes(points, scan.ring, origin, ExtractionConfig()))
+    tracker._motion = pose(so3_exp(np.array([0.0, 0.0, turned])), np.array([0.05, 0.0, 0.0]))
+    exact = inverse(true[0]) @ true[3]
+    T = tracker.track(scan_between(true[2], true[3], rng, 3), exact)
+    return float(np.degrees(np.linalg.norm(so3_log(exact[:3, :3].T @ T[:3, :3]))))
+
+
+def test_a_pose_that_is_led_away_from_the_odometry_must_explain_more(monkeypatch):
+    assert led_away(0.06) < 0.3
+    assert led_away(0.5) < 0.3
+    monkeypatch.setattr(PlaneTracker, "_believed", lambda self, scan, stamp, *ends: ends[:2])
+    assert led_away(0.06) < 0.3
+    assert led_away(0.5) > 3.0
