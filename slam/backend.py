@@ -58,7 +58,7 @@ class BackEnd:
         self._graph = LayeredGraph(config.graph)
         self._estimates = self._graph.estimates
         self._storeys = Storeys()
-        self._planes = PlaneMap(self._estimates, self._storeys, config.planes)
+        self._planes = PlaneMap(self._estimates, config.planes)
         self._path = Path()
         self._keyframes: list[Frame] = []
         self._scans: list[KeyframeScan] = []
@@ -90,7 +90,8 @@ class BackEnd:
         planes = usable_planes(keyframe, frame.keyframe)
         seen = [observation for _, observation in planes]
         way = self._way + (0.0 if step is None else float(np.linalg.norm(step[:3, 3])))
-        T_map_base, known = self._planes.associate(T_map_base, seen, way)
+        storey = self._storeys.at(T_map_base)
+        T_map_base, known = self._planes.associate(T_map_base, seen, way, storey)
         nearest = self._that_saw_as_much(T_map_base, known)
         if nearest is not None:
             self._T_map_track = T_map_base @ inverse(frame.T_track_base)
@@ -128,7 +129,7 @@ class BackEnd:
             normal, d = transform_plane(T_map_base, observation.normal, observation.d)
             place = transform_points(T_map_base, observation.centroid)
             plane = self._graph.add_plane(normal, d, place)
-            self._planes.new_plane(plane)
+            self._planes.new_plane(plane, self._storeys.of(observed.keyframe))
         self._graph.observe(observed.keyframe, plane, observation, observed.place)
         scan_index = self._keyframes[observed.keyframe].index
         self._planes.support(plane, observed, scan_index, T_map_base, self._way)

@@ -227,7 +227,7 @@ class MapPlane:
     """A mapped plane in the map frame, as estimated now; n.x + d = 0, n to where it was seen from.
 
     points: (M, 3) map frame, thinned; point_ids: (M,) where they came from (``point_ids``);
-    keyframes: (K,) ids of the keyframes that saw it; storey: the one that most of these were on;
+    keyframes: (K,) ids of the keyframes that saw it; storey: the one that these were on;
     revision: grows with every change, so that whoever reads planes can keep what it derived from an
     unchanged one.
     """

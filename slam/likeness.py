@@ -39,22 +39,23 @@ class Likeness:
     # --- observations ---
 
     def associate(
-        self, T_map_base: Array, observations: Sequence[PlaneObservation], way: float
+        self, T_map_base: Array, observations: Sequence[PlaneObservation], way: float, storey: int
     ) -> tuple[Array, list[int | None]]:
         """The pose aligned to the planes that are seen, and the plane of each observation, or None.
 
         Twice: loosely from the pose as it is, then strictly from where the planes put it, so that a
-        wall and the next one a few centimetres off are told apart. way: driven so far [m].
+        wall and the next one a few centimetres off are told apart. way: driven so far [m]; storey:
+        whose planes come into question, as walls may stand one above the other.
         """
         sights: list[Sight] = []
         for observation in observations:
             loose = self._config.pose_angle, self._config.pose_distance
-            found = self._nearest(T_map_base, observation, way, *loose)
+            found = self._nearest(T_map_base, observation, way, storey, *loose)
             if found is not None:
                 plane, covariance = found
                 sights.append((observation, *self._estimates.plane(plane), covariance))
         T = aligned(T_map_base, sights) if sights else T_map_base
-        strict = [self._nearest(T, observation, way, 0.0, 0.0) for observation in observations]
+        strict = [self._nearest(T, seen, way, storey, 0.0, 0.0) for seen in observations]
         return T, [None if found is None else found[0] for found in strict]
 
     def _nearest(
@@ -62,6 +63,7 @@ class Likeness:
         T_map_base: Array,
         observation: PlaneObservation,
         way: float,
+        storey: int,
         turn: float,
         shift: float,
     ) -> tuple[int, Array] | None:
@@ -76,6 +78,8 @@ class Likeness:
         best, smallest = None, config.chi2
         for plane in self.near(normal, centroid):
             support, chart = self._supports[plane], self._estimates.chart(plane)
+            if support.storey != storey:
+                continue
             off = difference(chart, self._estimates.plane(plane), normal, centroid)
             covariance = in_chart(chart, T_map_base, observation)
             covariance += support.belief.covariance(chart.place(centroid[None])[0])
@@ -106,6 +110,8 @@ class Likeness:
         """Are two planes one, by what is known of both where the smaller one lies? The ``last``
         time however well they are known, since nothing more will be."""
         config = self._config
+        if self._supports[a].storey != self._supports[b].storey:
+            return False
         a, b = self._larger_first(a, b)
         off, centroid = self._apart(a, b)
         if np.hypot(off[0], off[1]) > config.merge_angle or abs(off[2]) > config.merge_distance:

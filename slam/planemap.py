@@ -15,7 +15,6 @@ from slam.core import Array, MapPlane, PlaneObservation, transform_points
 from slam.estimates import Estimates
 from slam.likeness import Likeness
 from slam.planeviews import PlaneViews
-from slam.storeys import Storeys
 from slam.support import Observed, Support
 
 
@@ -41,13 +40,11 @@ class PlaneMapConfig:
 class PlaneMap:
     """Mapped planes by id, with what supports each."""
 
-    def __init__(
-        self, estimates: Estimates, storeys: Storeys, config: PlaneMapConfig = PlaneMapConfig()
-    ):
+    def __init__(self, estimates: Estimates, config: PlaneMapConfig = PlaneMapConfig()):
         self._config = config
         self._estimates = estimates
         self._supports: dict[int, Support] = {}
-        self._views = PlaneViews(estimates, storeys, config.plane_moved, config.pose_moved)
+        self._views = PlaneViews(estimates, config.plane_moved, config.pose_moved)
         self._likeness = Likeness(estimates, self._supports, self._views, config.association)
         self._of_keyframe: dict[int, set[int]] = {}
         self._unchecked: set[int] = set()
@@ -61,16 +58,16 @@ class PlaneMap:
     # --- what is seen ---
 
     def associate(
-        self, T_map_base: Array, observations: Sequence[PlaneObservation], way: float
+        self, T_map_base: Array, observations: Sequence[PlaneObservation], way: float, storey: int
     ) -> tuple[Array, list[int | None]]:
         """The pose aligned to the planes that are seen, and the plane of each observation, or None
         (see ``Likeness``). way: driven so far [m]."""
-        return self._likeness.associate(T_map_base, observations, way)
+        return self._likeness.associate(T_map_base, observations, way, storey)
 
-    def new_plane(self, plane: int) -> None:
-        """A plane that nothing supports yet."""
+    def new_plane(self, plane: int, storey: int) -> None:
+        """A plane that nothing supports yet, seen from a storey."""
         config = self._config
-        self._supports[plane] = Support(config.voxel, config.coarse_voxel, config.grown)
+        self._supports[plane] = Support(config.voxel, config.coarse_voxel, config.grown, storey)
 
     def support(
         self, plane: int, observed: Observed, scan_index: int, T_map_base: Array, way: float

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from slam.core import Array, IntArray, MapPlane
 from slam.estimates import Estimates
-from slam.storeys import Storeys
 from slam.support import Support
 
 
@@ -17,11 +16,8 @@ class PlaneViews:
     """plane_moved [rad, m]: change of a plane, and pose_moved [m] of a keyframe, that others are
     told of."""
 
-    def __init__(
-        self, estimates: Estimates, storeys: Storeys, plane_moved: float, pose_moved: float
-    ):
+    def __init__(self, estimates: Estimates, plane_moved: float, pose_moved: float):
         self._estimates = estimates
-        self._storeys = storeys
         self._plane_moved = plane_moved
         self._pose_moved = pose_moved
         self._views: dict[int, MapPlane] = {}
@@ -89,8 +85,7 @@ class PlaneViews:
     ) -> MapPlane:
         normal, d = self._estimates.plane(plane)
         keyframes = np.array(sorted(support.keyframes))
-        storey = self._storeys.of_most(support.keyframes)
-        return MapPlane(plane, normal, d, points, ids, keyframes, revision, storey)
+        return MapPlane(plane, normal, d, points, ids, keyframes, revision, support.storey)
 
 
 def _told(before: Array, now: Array, moved: NDArray[np.bool_]) -> Array:

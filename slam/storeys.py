@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,26 +30,27 @@ class Storeys:
         self._heights: list[float] = []
         self._of: list[int] = []
 
+    def at(self, T_map_base: Array) -> int:
+        """The storey that a base at a pose (4, 4) is on, the next number if on a new one."""
+        off = [abs(float(T_map_base[2, 3]) - known) for known in self._heights]
+        if not off or (self._is_level(T_map_base) and min(off) > self._config.apart):
+            return len(off)
+        return int(np.argmin(off))
+
     def add(self, T_map_base: Array) -> None:
         """The next keyframe, at a pose (4, 4)."""
         config, height = self._config, float(T_map_base[2, 3])
-        level = float(T_map_base[2, 2]) > np.cos(config.level)
-        off = [abs(height - known) for known in self._heights]
-        if not off or (level and min(off) > config.apart):
-            self._heights.append(height)
-            self._of.append(len(self._heights) - 1)
-            return
-        storey = int(np.argmin(off))
-        if level and off[storey] < config.same:
-            self._heights[storey] += config.learn * (height - self._heights[storey])
+        storey = self.at(T_map_base)
         self._of.append(storey)
+        if storey == len(self._heights):
+            self._heights.append(height)
+        off = height - self._heights[storey]
+        if self._is_level(T_map_base) and abs(off) < config.same:
+            self._heights[storey] += config.learn * off
+
+    def _is_level(self, T_map_base: Array) -> bool:
+        return float(T_map_base[2, 2]) > np.cos(self._config.level)
 
     def of(self, keyframe: int) -> int:
         """The storey of a keyframe."""
         return self._of[keyframe]
-
-    def of_most(self, keyframes: Iterable[int]) -> int:
-        """The storey of most of some keyframes, the lower number of two."""
-        if len(self._heights) < 2:
-            return 0
-        return int(np.bincount([self._of[keyframe] for keyframe in keyframes]).argmax())

@@ -45,9 +45,10 @@ class Chunk:
 
 class Support:
     """voxel [m]: of the points that are kept, and coarse_voxel of those that a detector is shown;
-    grown: a floor or ceiling, which has no end, has changed when it has grown by this share."""
+    grown: a floor or ceiling, which has no end, has changed when it has grown by this share;
+    storey: the one that it was seen from."""
 
-    def __init__(self, voxel: float, coarse_voxel: float, grown: float):
+    def __init__(self, voxel: float, coarse_voxel: float, grown: float, storey: int = 0):
         self.observed: list[Observed] = []
         self.chunks: list[Chunk] = []
         self.stretches = Stretches()
@@ -56,6 +57,7 @@ class Support:
         self.seen_at = 0.0
         self.keyframes: set[int] = set()
         self.shown = 0
+        self.storey = storey
         self.changed = True
         self._cells = CellGrid(voxel)
         self._coarse_cells = CellGrid(coarse_voxel)

@@ -24,10 +24,11 @@ def test_up_a_ramp_and_down_again() -> None:
     ramp = [(z, 0.1) for z in (0.3, 1.0, 1.4, 1.6, 2.2, 2.8)]
     way = [(0.0, 0.0), *ramp, (2.9, 0.0), *[(z, -0.1) for z, _ in ramp[::-1]], (0.0, 0.0)]
     told, storeys = _told(way)
+    assert storeys.at(_at(2.8, 0.1)) == 1
+    assert storeys.at(_at(5.8)) == 2
+    assert storeys.at(_at(5.8, 0.1)) == 1
     # The first time up nothing is known of the storey above until the base stands on it.
     assert told == [0] * 7 + [1] + [1, 1, 1, 0, 0, 0] + [0]
-    assert storeys.of_most([0, 1, 7]) == 0
-    assert storeys.of_most([0, 7, 8]) == 1
 
 
 def test_a_landing_half_way_is_no_storey_and_does_not_raise_one() -> None:
@@ -45,7 +46,3 @@ def test_a_floor_that_drifts_slowly_stays_the_floor() -> None:
     drift = np.linspace(0.0, 3.0, 400)
     way = [(float(z), float(t)) for z, t in zip(drift, rng.normal(0.0, 0.005, 400), strict=True)]
     assert set(_told(way)[0]) == {0}
-
-
-def test_one_storey_needs_no_counting() -> None:
-    assert Storeys().of_most([5, 6]) == 0
