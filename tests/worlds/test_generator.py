@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.ops import unary_union
 
@@ -32,6 +32,7 @@ def test_rooms_and_walls_share_no_area(config: GeneratorConfig | None, seed: int
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
+@example(seed=501120)  # a corner cut off left a line of no width beside a wall
 def test_doors_lie_in_walls_and_join_two_rooms(seed: int) -> None:
     storey = _plan(seed).storeys[0]
     for door in storey.openings:

@@ -45,4 +45,7 @@ def _door(
     across = (s - p) / np.linalg.norm(s - p)
     start = p + run * float(rng.uniform(0.1, length - width - 0.1)) - DOOR_OVERHANG * across
     depth = (np.linalg.norm(s - p) + 2 * DOOR_OVERHANG) * across
-    return Polygon([start, start + width * run, start + width * run + depth, start + depth])
+    door = Polygon([start, start + width * run, start + width * run + depth, start + depth])
+    # A corner cut off can leave an edge with no room behind it.
+    joins = all(room.intersection(door).area > 0.5 * DOOR_OVERHANG * width for room in (a, b))
+    return door if joins else None
