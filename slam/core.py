@@ -307,7 +307,7 @@ class RoomProposal:
     """A room as a detector sees it. ``id`` stays the same while it is the same room.
 
     pieces: what bounds it (may be empty for detectors without planes); polygon: (K, 2) or None;
-    centre: (2,) inside the room; map frame.
+    centre: (2,) inside the room; map frame; storey: which one, as its planes and keyframes say.
     """
 
     id: int
