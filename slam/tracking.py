@@ -40,7 +40,8 @@ class TrackingConfig:
     lie on it; *_sigma: how far (turns about x, y, z [rad], shifts along x, y, z [m]) the
     pose at the sweep's end may lie from the odometry's, that at its start from the last sweep's
     end, and the motion between them from that of the last sweep. memory: scans within which a pose
-    that has turned away from the odometry's by doubt [rad] must explain more of the scan than it.
+    that has turned away from the odometry's by doubt [rad] is given up for it if that explains
+    clearly more of the scan, by this factor.
     """
 
     points: int = 2000
@@ -54,6 +55,7 @@ class TrackingConfig:
     motion_sigma: Sigmas = (0.004, 0.004, 0.015, 0.006, 0.006, 0.003)
     memory: int = 8
     doubt: float = np.radians(2.5)
+    clearly: float = 1.1
     planes: LocalPlaneConfig = field(default_factory=LocalPlaneConfig)
 
 
@@ -113,7 +115,7 @@ class PlaneTracker:
             return start, end
         other = self._refine(scan, stamp, said_last, said, said)
         mine, theirs = (self._explained(scan, stamp, *ends) for ends in ((start, end), other))
-        if mine > theirs:
+        if theirs < self._config.clearly * mine:
             return start, end
         self._lately = [(T_track_odom @ odom, odom) for _, odom in self._lately]
         return other
