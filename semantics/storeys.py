@@ -45,8 +45,9 @@ class _ByStorey:
         for storey in storeys:
             planes = [plane for plane in view.planes if plane.storey == storey]
             there = [keyframe for keyframe in keyframes if keyframe.storey == storey]
-            detector = self._of[storey] = self._of.get(storey) or self._make()
-            found = detector.update(MapView(view.stamp, planes, there))
+            if storey not in self._of:
+                self._of[storey] = self._make()
+            found = self._of[storey].update(MapView(view.stamp, planes, there))
             first = storey * STRIDE
             rooms += [replace(room, id=first + room.id, storey=storey) for room in found.rooms]
             walls += [replace(wall, id=first + wall.id) for wall in found.walls]

@@ -98,7 +98,7 @@ class BackEnd:
             return nearest, inverse(self._estimates.poses[nearest]) @ T_map_base
         self._way = way
         self._graph.add_keyframe(keyframe, T_map_base, step)
-        self._storeys.add(T_map_base)
+        self._storeys.add(storey, T_map_base)
         self._keyframes.append(frame)
         self._scans.append(frame.keyframe)
         for (place, observation), plane in zip(planes, known, strict=True):

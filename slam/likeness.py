@@ -29,12 +29,14 @@ class Likeness:
         self._views = views
         self._config = config
 
-    def near(self, normal: Array, centroid: Array) -> list[int]:
-        """Living planes that face the same way and pass by, whatever their extent."""
+    def near(self, normal: Array, centroid: Array, storey: int) -> list[int]:
+        """Living planes of a storey that face the same way and pass by, whatever their extent:
+        walls may stand one above the other."""
         config, estimates = self._config, self._estimates
         fits = estimates.normals @ normal > np.cos(config.angle)
         fits &= np.abs(estimates.normals @ centroid + estimates.offsets) < config.distance
-        return np.flatnonzero(fits & estimates.alive).tolist()
+        passing = np.flatnonzero(fits & estimates.alive).tolist()
+        return [plane for plane in passing if self._supports[plane].storey == storey]
 
     # --- observations ---
 
@@ -45,7 +47,7 @@ class Likeness:
 
         Twice: loosely from the pose as it is, then strictly from where the planes put it, so that a
         wall and the next one a few centimetres off are told apart. way: driven so far [m]; storey:
-        whose planes come into question, as walls may stand one above the other.
+        whose planes come into question.
         """
         sights: list[Sight] = []
         for observation in observations:
@@ -76,10 +78,8 @@ class Likeness:
         centroid = transform_points(T_map_base, observation.centroid)
         points = transform_points(T_map_base, _sample(observation.points))
         best, smallest = None, config.chi2
-        for plane in self.near(normal, centroid):
+        for plane in self.near(normal, centroid, storey):
             support, chart = self._supports[plane], self._estimates.chart(plane)
-            if support.storey != storey:
-                continue
             off = difference(chart, self._estimates.plane(plane), normal, centroid)
             covariance = in_chart(chart, T_map_base, observation)
             covariance += support.belief.covariance(chart.place(centroid[None])[0])
@@ -110,8 +110,6 @@ class Likeness:
         """Are two planes one, by what is known of both where the smaller one lies? The ``last``
         time however well they are known, since nothing more will be."""
         config = self._config
-        if self._supports[a].storey != self._supports[b].storey:
-            return False
         a, b = self._larger_first(a, b)
         off, centroid = self._apart(a, b)
         if np.hypot(off[0], off[1]) > config.merge_angle or abs(off[2]) > config.merge_distance:
@@ -137,7 +135,8 @@ class Likeness:
         sweep sees of it whose motion was wrong."""
         config = self._config
         centroid = self._views[plane].points.mean(axis=0)
-        for other in self.near(self._estimates.normals[plane], centroid):
+        normal, storey = self._estimates.normals[plane], self._supports[plane].storey
+        for other in self.near(normal, centroid, storey):
             if len(self._supports[other].observed) > 1:
                 off, _ = self._apart(other, plane)
                 near = np.hypot(off[0], off[1]) < config.shadow_angle

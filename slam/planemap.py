@@ -98,7 +98,8 @@ class PlaneMap:
         gone: set[int] = set()
         for plane in sorted(self._unchecked & self._supports.keys()):
             middle = self._views[plane].points.mean(axis=0)
-            for other in self._likeness.near(self._estimates.normals[plane], middle):
+            normal, storey = self._estimates.normals[plane], self._supports[plane].storey
+            for other in self._likeness.near(normal, middle, storey):
                 known = other == plane or bool({plane, other} & gone)
                 if not known and self._likeness.are_one(plane, other, last):
                     pairs.append((min(plane, other), max(plane, other)))

@@ -37,10 +37,9 @@ class Storeys:
             return len(off)
         return int(np.argmin(off))
 
-    def add(self, T_map_base: Array) -> None:
-        """The next keyframe, at a pose (4, 4)."""
+    def add(self, storey: int, T_map_base: Array) -> None:
+        """The next keyframe, on a storey (``at``), at a pose (4, 4)."""
         config, height = self._config, float(T_map_base[2, 3])
-        storey = self.at(T_map_base)
         self._of.append(storey)
         if storey == len(self._heights):
             self._heights.append(height)

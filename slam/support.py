@@ -48,7 +48,7 @@ class Support:
     grown: a floor or ceiling, which has no end, has changed when it has grown by this share;
     storey: the one that it was seen from."""
 
-    def __init__(self, voxel: float, coarse_voxel: float, grown: float, storey: int = 0):
+    def __init__(self, voxel: float, coarse_voxel: float, grown: float, storey: int):
         self.observed: list[Observed] = []
         self.chunks: list[Chunk] = []
         self.stretches = Stretches()

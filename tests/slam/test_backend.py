@@ -148,6 +148,28 @@ def test_each_storey_has_a_floor(frames):
     assert graph.floor(2) is None
 
 
+def test_walls_of_different_storeys_are_never_one(frames):
+    """The same box again 2.3 m higher: what was seen of its walls overlaps in height."""
+    made, _ = frames
+    up = pose(np.eye(3), np.array([0.0, 0.0, 2.3]))
+    above = [
+        replace(
+            frame,
+            index=frame.index + 100,
+            stamp=frame.stamp + 10.0,
+            T_odom_base=up @ frame.T_odom_base,
+            T_track_base=up @ frame.T_track_base,
+        )
+        for frame in made
+    ]
+    view = run([*made, *above]).view()
+    assert {keyframe.storey for keyframe in view.keyframes} == {0, 1}
+    for storey in (0, 1):
+        walls = [p for p in view.planes if p.storey == storey and not p.horizontal]
+        assert len(walls) >= 4
+        assert max(wall.z_range[1] - wall.z_range[0] for wall in walls) < 2.8
+
+
 def test_a_room_may_come_back_before_the_graph_has_let_it_go(frames):
     backend = run(frames[0], proposals=room_of)
     size = backend.graph().variable_count()

@@ -16,7 +16,7 @@ def _told(heights: list[tuple[float, float]]) -> tuple[list[int], Storeys]:
     """The storey of each keyframe at a height, on a slope."""
     storeys = Storeys()
     for z, slope in heights:
-        storeys.add(_at(z, slope))
+        storeys.add(storeys.at(_at(z, slope)), _at(z, slope))
     return [storeys.of(k) for k in range(len(heights))], storeys
 
 
