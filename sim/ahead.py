@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, Generic, TypeVar
 import numpy as np
 
 from sim.truth import ScanTruth
-from slam.core import InputError, RoomloopError, RunError, Scan, thread_limit
+from slam.core import InputError, RoomloopError, RunError, Scan, cores, thread_limit
 
 Pair = tuple[Scan, ScanTruth]
 
@@ -88,7 +88,7 @@ def _start(make: Callable[[], Iterable[object]], depth: int) -> tuple[BinaryIO, 
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         pass_fds=(write,),
-        env={**os.environ, "OMP_NUM_THREADS": str(thread_limit((os.cpu_count() or 2) - 1))},
+        env={**os.environ, "OMP_NUM_THREADS": str(thread_limit(cores() - 1))},
         start_new_session=True,  # Ctrl-C is for who reads; the pipe tells this one
     )
     os.close(write)

@@ -62,6 +62,7 @@ __all__ = [
     "Scan",
     "WallProposal",
     "WheelOdometry",
+    "cores",
     "interpolate",
     "inverse",
     "orthonormal",
@@ -102,11 +103,16 @@ class RunError(RoomloopError):
     exit_status = 3
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def thread_limit(most: int) -> int:
     """Threads for a stage that gains from up to ``most``: fewer where OMP_NUM_THREADS says so, as
     many runs at once do; libraries that know nothing of OpenMP are told through this."""
     said = os.environ.get("OMP_NUM_THREADS", "")
-    return max(1, min(most, int(said))) if said.isdigit() else most
+    return max(1, min(most, int(said)) if said.isdigit() else most)
 
 
 # --- what a sensor gives -------------------------------------------------------------------------

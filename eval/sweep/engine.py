@@ -18,10 +18,10 @@ from eval.names import refuse
 from eval.source import SPEED
 from eval.sweep.forecast import ROOM_S, Cost, Forecast
 from eval.sweep.job import Job, Row
-from eval.sweep.pool import LocalWorkers, cores
+from eval.sweep.pool import LocalWorkers
 from eval.sweep.store import Store, open_store
 from eval.sweep.work import RUN_ONE, Done
-from slam.core import InputError
+from slam.core import InputError, cores
 from worlds.catalogue import load_scene
 
 TRIES = 3

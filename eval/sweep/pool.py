@@ -15,7 +15,7 @@ from pathlib import Path
 
 from eval.sweep.job import Job
 from eval.sweep.work import Done, runner_named, work
-from slam.core import RunError, thread_limit
+from slam.core import RunError, cores, thread_limit
 
 THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
@@ -25,11 +25,6 @@ THREAD_VARIABLES = (
 
 FALSE_STARTS = 3
 """Workers in a row that may die before they are ready."""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Worker:
@@ -77,7 +72,7 @@ class LocalWorkers:
     """So many processes, each with its share of the cores' threads."""
 
     def __init__(self, size: int, runner: str, scratch: Path):
-        threads = str(thread_limit(max(1, cores() // size)))
+        threads = str(thread_limit(cores() // size))
         self._make = (runner, scratch, dict.fromkeys(THREAD_VARIABLES, threads))
         self._false_starts = 0
         scratch.mkdir(exist_ok=True)

@@ -17,6 +17,7 @@ from slam.core import (
     rotation_from_quaternion_xyzw,
     so3_exp,
     so3_log,
+    thread_limit,
     transform_plane,
     transform_points,
 )
@@ -114,3 +115,14 @@ def test_point_ids_name_scan_and_place():
     ids = point_ids(7, np.array([0, 28_799]))
     assert (ids >> 20).tolist() == [7, 7]
     assert (ids & ((1 << 20) - 1)).tolist() == [0, 28_799]
+
+
+@pytest.mark.parametrize(
+    ("said", "most", "threads"),
+    [("", 2, 2), ("", 0, 1), ("1", 2, 1), ("4", 2, 2), ("0", 2, 1), ("nonsense", 2, 2)],
+)
+def test_threads_are_as_many_as_the_environment_allows_and_one_at_least(
+    monkeypatch, said, most, threads
+):
+    monkeypatch.setenv("OMP_NUM_THREADS", said)
+    assert thread_limit(most) == threads
