@@ -1,4 +1,4 @@
-"""``roomloop bench watching``: a run headless, recorded and served."""
+"""``roomloop bench watching``: a run headless, recorded, served and looked at."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def watching(
     rounds: Annotated[int, Option(help="Runs of each kind, by turns.", min=1)] = 2,
     seed: Annotated[int, Option(help="Of everything random.")] = 0,
 ) -> None:
-    """What --save and --serve cost: the same run without and with them, by turns."""
+    """What --save and --serve cost, and a page that is open: the same run without and with them, by
+    turns."""
     from pathlib import Path
     from tempfile import TemporaryDirectory
 

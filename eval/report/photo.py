@@ -11,7 +11,8 @@ import subprocess
 import sys
 import time
 from base64 import b64decode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from tempfile import TemporaryDirectory
 
 from slam.core import InputError
@@ -35,6 +36,19 @@ def photograph(
     A page that computes what it shows is blank at first, on a busy machine for a minute. Raises
     InputError where no browser can take pictures.
     """
+    with open_tab(address, size) as picture:
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            time.sleep(DRAW_S)
+            png = picture()
+            if drawn(png) or time.monotonic() > deadline:
+                return png
+
+
+@contextmanager
+def open_tab(address: str, size: tuple[int, int]) -> Iterator[Callable[[], bytes]]:
+    """Opens a page in a browser that has no window, and closes both; gives what takes a picture of
+    it (PNG). Raises InputError where no browser can."""
     program = browser()
     if program is None:
         raise InputError(f"no browser here ({', '.join(BROWSERS)}): no picture of {address}")
@@ -47,13 +61,12 @@ def photograph(
             tab = found.ask("Target.createTarget", {"url": address})["targetId"]
             with_tab = {"targetId": tab, "flatten": True}
             session = str(found.ask("Target.attachToTarget", with_tab)["sessionId"])
-            deadline = time.monotonic() + PATIENCE_S
-            while True:
-                time.sleep(DRAW_S)
+
+            def picture() -> bytes:
                 answer = found.ask("Page.captureScreenshot", {"format": "png"}, session)
-                png = b64decode(str(answer["data"]))
-                if drawn(png) or time.monotonic() > deadline:
-                    return png
+                return b64decode(str(answer["data"]))
+
+            yield picture
 
 
 class _Browser:
