@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from eval.sweep.job import AROUND_THE_RUN
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
 LEAVES = ("slam.core", "slam.geometry", "slam.arrayfile", "slam.plainfile")
@@ -64,6 +66,21 @@ def test_leaves_import_numpy_and_each_other_only(leaf: str) -> None:
     modules = set(imported(ROOT / f"{leaf.replace('.', '/')}.py"))
     outside = {m.partition(".")[0] for m in modules - set(LEAVES)} - set(sys.stdlib_module_names)
     assert outside <= {"numpy"}
+
+
+def test_a_result_is_named_by_every_module_that_computes_it() -> None:
+    reached, waiting = set(), ["eval.run"]
+    while waiting:
+        module = waiting.pop()
+        path = ROOT / f"{module.replace('.', '/')}.py"
+        if module not in reached and path.exists():
+            reached.add(module)
+            waiting += imported(path)
+    of_eval = {module.removeprefix("eval.") for module in reached if module.count(".") == 1}
+    drawn = {"picture", "sinks"}
+    assert drawn < of_eval
+    assert not (of_eval - drawn) & set(AROUND_THE_RUN)
+    assert all((ROOT / "eval" / f"{name}.py").exists() for name in AROUND_THE_RUN)
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

@@ -22,9 +22,11 @@ PACKAGES = ("numpy", "scipy", "shapely", "mujoco", "open3d", "kiss-icp", "gtsam"
 NOT_OF_THE_RESULT = ("out", "save", "cache")
 """Fields of a configuration that change nothing in the metrics."""
 AROUND_THE_RUN = (
-    *("ablation", "baseline_drives", "baseline_search", "batch", "bounds", "cli", "compare"),
-    *("curves", "foreign", "forest", "picture"),
-    *("recording", "scenario", "score_foreign", "screen", "sinks", "stats", "tables"),
+    *("ablation", "baseline_drives", "baseline_search", "batch", "bench_semantics", "bounds"),
+    *("calibration", "cli", "compare", "confusion", "curves", "edgelimits", "foreign", "forest"),
+    *("growth", "odometry_study", "pace", "picture", "plane_noise", "planebench"),
+    *("runtables", "scenario", "score_foreign", "screen", "sensorbench", "sinks", "stats"),
+    *("study", "studytables", "tables", "values", "watchcost"),
 )
 """Modules of eval that change nothing in them either."""
 
