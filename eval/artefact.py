@@ -164,6 +164,7 @@ def _keyframe_arrays(scans: Sequence[KeyframeScan]) -> dict[str, NDArray]:
     planes = [plane for scan in scans for plane in scan.planes]
     return {
         "origin": np.array([scan.origin for scan in scans]).reshape(-1, 3),
+        "plumb": np.array([_row(scan.plumb) for scan in scans]).reshape(-1, 3),
         "plane_count": np.array([len(scan.planes) for scan in scans], dtype=np.int64),
         **_ragged("scan_points", [scan.points for scan in scans], np.float32, 3),
         "normal": np.array([plane.normal for plane in planes]).reshape(-1, 3),
@@ -173,6 +174,10 @@ def _keyframe_arrays(scans: Sequence[KeyframeScan]) -> dict[str, NDArray]:
         **_ragged("plane_points", [plane.points for plane in planes], np.float32, 3),
         **_ragged("point_index", [plane.point_index for plane in planes], np.int32),
     }
+
+
+def _row(plumb: NDArray | None) -> NDArray:
+    return np.full(3, np.nan) if plumb is None else plumb
 
 
 def _truth_arrays(truths: Sequence[TruthStep]) -> dict[str, NDArray]:
@@ -236,10 +241,12 @@ class _Frames:
 
     def _scan(self, keyframe: int) -> KeyframeScan:
         planes = range(self._plane_ends[keyframe], self._plane_ends[keyframe + 1])
+        plumb = self._arrays["plumb"][keyframe]
         return KeyframeScan(
             planes=tuple(self._plane(plane) for plane in planes),
             points=self._scan_points[keyframe],
             origin=self._arrays["origin"][keyframe],
+            plumb=None if np.isnan(plumb).any() else plumb,
         )
 
     def _plane(self, plane: int) -> PlaneObservation:

@@ -58,6 +58,7 @@ class ChiSquares:
 
     odometry: float | None = None
     planes: float | None = None
+    plumb: float | None = None
     loops: float | None = None
     rooms: float | None = None
     walls: float | None = None

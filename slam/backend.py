@@ -26,6 +26,7 @@ from slam.loops import Loop, LoopCloser, LoopConfig
 from slam.nodes import one_in_a_room, room_nodes, wall_nodes
 from slam.path import Anchor, Path
 from slam.planemap import PlaneMap, PlaneMapConfig
+from slam.plumb import Up
 from slam.relations import RelationConfig, Relations
 from slam.storeys import Storeys
 from slam.support import Observed
@@ -65,6 +66,7 @@ class BackEnd:
         self._way = 0.0
         self._T_map_track = np.eye(4)
         self._failed = False
+        self._up = Up()
         self._relations = Relations(config.relations)
         self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
@@ -99,6 +101,7 @@ class BackEnd:
         self._way = way
         self._graph.add_keyframe(keyframe, T_map_base, step)
         self._storeys.add(storey, T_map_base)
+        self._set_upright(keyframe, T_map_base, frame.keyframe.plumb)
         self._keyframes.append(frame)
         self._scans.append(frame.keyframe)
         for (place, observation), plane in zip(planes, known, strict=True):
@@ -108,6 +111,16 @@ class BackEnd:
         if keyframe % self._config.merge_every == 0:
             self._merge()
         return keyframe, np.eye(4)
+
+    def _set_upright(self, keyframe: int, T_map_base: Array, plumb: Array | None) -> None:
+        """Ramps, and storeys above them, have nothing but plumb walls in common with the first
+        storey; on that its floor says better which way is up."""
+        if plumb is None:
+            return
+        up = self._up.compared(T_map_base, plumb)
+        if up is None or (self._storeys.of(keyframe) == 0 and self._storeys.level(T_map_base)):
+            return
+        self._graph.set_upright(keyframe, plumb, up)
 
     def _that_saw_as_much(self, T_map_base: Array, known: Sequence[int | None]) -> int | None:
         """The keyframe beside which another one adds nothing, if there is one: as many keyframes

@@ -184,12 +184,14 @@ class KeyframeScan:
     """What is kept of a keyframe's sweep: its plane observations and its deskewed returns.
 
     points: (M, 3) float32, base frame at the sweep's end, thinned; origin: (3,) the lidar in that
-    frame (the baselines need free space).
+    frame (the baselines need free space); plumb: (3,) unit, in that frame, up along walls that are
+    plumb, None where too few were seen.
     """
 
     planes: tuple[PlaneObservation, ...]
     points: Floats
     origin: Array
+    plumb: Array | None = None
 
 
 @dataclass(frozen=True)

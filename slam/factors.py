@@ -14,7 +14,7 @@ import gtsam
 import numpy as np
 
 from slam.charts import Chart
-from slam.core import Array, PlaneObservation, skew
+from slam.core import Array, PlaneObservation, plane_axes, skew
 
 PlaneKey = tuple[int, Chart]
 """A plane variable: gtsam's key, and the chart that its three numbers are in."""
@@ -63,6 +63,26 @@ def keyframe_plane_factor(
         return residual
 
     return gtsam.CustomFactor(noise, [pose_key, plane[0]], error)
+
+
+def plumb_factor(
+    pose_key: int, plumb: Array, up: Array, noise: gtsam.noiseModel.Base
+) -> gtsam.CustomFactor:
+    """A keyframe saw walls that are plumb; two residuals [rad].
+
+    plumb: (3,) unit, up along them in the keyframe; up: (3,) unit, in the map.
+    """
+    rows = np.stack(plane_axes(plumb))
+    turned = skew(rows)
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
+        here = up @ values.atPose3(pose_key).rotation().matrix()
+        if jacobians is not None:
+            jacobians[0] = np.zeros((2, 6))
+            jacobians[0][:, :3] = turned @ here
+        return rows @ here
+
+    return gtsam.CustomFactor(noise, [pose_key], error)
 
 
 def room_factor(

@@ -19,7 +19,7 @@ from slam.core import (
     inverse,
     so3_log,
 )
-from slam.extraction import ExtractionConfig, extract_planes
+from slam.extraction import ExtractionConfig, extract
 from slam.odometry import MotionLimits, Stamped, check_motion
 from slam.tracking import PlaneTracker, TrackingConfig
 
@@ -66,6 +66,8 @@ class FrontEnd:
         if self._is_keyframe(T_track_base):
             started = time.perf_counter()
             keyframe = self._keyframe(scan)
+            T_track_base = self._tracker.latest
+            self._last = (scan.stamp, T_track_base)
             self._last_keyframe = T_track_base
             self.seconds["planes"] = time.perf_counter() - started
         return Frame(scan.index, scan.stamp, T_odom_base, T_track_base, keyframe)
@@ -80,12 +82,12 @@ class FrontEnd:
     def _keyframe(self, scan: Scan) -> KeyframeScan:
         points = self._tracker.deskew(scan)
         origin = scan.T_base_lidar[:3, 3]
-        planes = extract_planes(points, scan.ring, origin, self._config.extraction)
-        self._tracker.learn(planes)
+        planes, plumb = extract(points, scan.ring, origin, self._config.extraction)
+        self._tracker.learn(planes, plumb)
         # Single precision is exact to a micrometre, and what is stored replays to the bit.
         planes = tuple(replace(p, points=p.points.astype(np.float32)) for p in planes)
         kept = points[thinned(scan.ring, self._config.every)]
-        return KeyframeScan(planes, kept.astype(np.float32), origin)
+        return KeyframeScan(planes, kept.astype(np.float32), origin, plumb)
 
 
 def thinned(ring: NDArray[np.integer], every: int) -> IntArray:

@@ -18,6 +18,7 @@ from slam.factors import (
     keyframe_plane_factor,
     parallel_factor,
     perpendicular_factor,
+    plumb_factor,
     thickness_factor,
 )
 from slam.loops import Loop
@@ -33,7 +34,8 @@ class GraphConfig:
 
     odometry_*: of KISS-ICP per keyframe step of about half a metre; the level directions drift less
     than height and tilt, which 16 beams hardly see. anchor_*: the first keyframe defines the map.
-    robust: an observation of a plane that is off by more standard deviations counts less (Huber),
+    plumb: of the direction of plumb walls, however many a sweep sees; robust: an observation of a
+    plane that is off by more standard deviations counts less (Huber),
     such as of a sweep whose motion was wrong. recent: keyframes whose estimates are read after
     every update; shift [m]: change of the oldest of them that has everything read; share: of the
     keyframes, after which everything is read anyway. batch: the solver's bookkeeping takes time in
@@ -44,6 +46,7 @@ class GraphConfig:
     odometry_rotation: tuple[float, float, float] = (0.012, 0.012, 0.012)
     odometry_translation: tuple[float, float, float] = (0.035, 0.035, 0.035)
     anchor_sigma: float = 1e-4
+    plumb: float = np.radians(0.3)
     robust: float = 2.0
     relinearize: float = 0.005
     recent: int = 12
@@ -65,6 +68,7 @@ class ChiSquare:
 KINDS = {
     "odometry": "odometry",
     "plane": "planes",
+    "plumb": "plumb",
     "loop": "loops",
     ROOM: "rooms",
     WALL: "walls",
@@ -116,6 +120,12 @@ class LayeredGraph:
         sigmas = np.array([*config.odometry_rotation, *config.odometry_translation])
         return gtsam.noiseModel.Diagonal.Sigmas(sigmas)
 
+    def set_upright(self, keyframe: int, plumb: Array, up: Array) -> None:
+        """A keyframe saw which way walls are plumb, (3,) in its frame; up: that in the map."""
+        noise = self._huber(gtsam.noiseModel.Isotropic.Sigma(2, self._config.plumb))
+        factor = plumb_factor(gtsam.symbol(KEYFRAME, keyframe), plumb, up, noise)
+        self._solver.add(("plumb", keyframe), factor)
+
     def add_plane(self, normal: Array, d: float, place: Array) -> int:
         """A new plane near a place (3,), map frame; its id. It needs an observation before the next
         ``optimise``. Raises InputError for a plane without a direction."""
@@ -131,11 +141,14 @@ class LayeredGraph:
     def observe(self, keyframe: int, plane: int, observation: PlaneObservation, place: int) -> None:
         """Observation number ``place`` of a keyframe is of ``plane``."""
         key = gtsam.symbol(KEYFRAME, keyframe)
-        said = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)
-        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._config.robust)
-        noise = gtsam.noiseModel.Robust.Create(huber, said)
+        noise = self._huber(gtsam.noiseModel.Gaussian.Covariance(observation.covariance))
         factor = keyframe_plane_factor(key, self._plane(plane), observation, noise)
         self._solver.add(("plane", keyframe, place), factor)
+
+    def _huber(self, noise: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:
+        """What is far off counts less."""
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._config.robust)
+        return gtsam.noiseModel.Robust.Create(huber, noise)
 
     def reassign(
         self, keyframe: int, plane: int, observation: PlaneObservation, place: int

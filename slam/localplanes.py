@@ -13,11 +13,13 @@ from slam.core import Array, PlaneObservation, plane_axes, transform_plane, tran
 @dataclass(frozen=True)
 class LocalPlaneConfig:
     """keep: keyframes after which an unseen plane is forgotten; match_*: an observation is of a
-    known plane within these; observed_*: added to an observation's own standard deviations, for
+    known plane within these, of a floor or a ceiling within level_angle, less than any ramp has;
+    observed_*: added to an observation's own standard deviations, for
     the pose it was seen from."""
 
     keep: int = 40
     match_angle: float = np.radians(5.0)
+    level_angle: float = np.radians(2.5)
     match_distance: float = 0.10
     match_reach: float = 1.0
     observed_rotation: float = np.radians(0.1)
@@ -80,13 +82,14 @@ class LocalPlanes:
 
     def _same(self, plane: LocalPlane, normal: Array, centroid: Array, points: Array) -> bool:
         config = self._config
-        if plane.normal @ normal < np.cos(config.match_angle):
+        level = abs(normal[2]) > 0.7
+        if plane.normal @ normal < np.cos(config.level_angle if level else config.match_angle):
             return False
         if abs(plane.normal @ (centroid - plane.centroid)) > config.match_distance:
             return False
         along = points @ plane_axes(plane.normal)[0]
         gap = max(along.min() - plane.span[1], plane.span[0] - along.max())
-        return bool(gap < config.match_reach or abs(normal[2]) > 0.7)
+        return bool(gap < config.match_reach or level)
 
 
 def _grown(interval: Array, values: Array) -> Array:

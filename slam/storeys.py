@@ -33,7 +33,7 @@ class Storeys:
     def at(self, T_map_base: Array) -> int:
         """The storey that a base at a pose (4, 4) is on, the next number if on a new one."""
         off = [abs(float(T_map_base[2, 3]) - known) for known in self._heights]
-        if not off or (self._is_level(T_map_base) and min(off) > self._config.apart):
+        if not off or (self.level(T_map_base) and min(off) > self._config.apart):
             return len(off)
         return int(np.argmin(off))
 
@@ -44,10 +44,11 @@ class Storeys:
         if storey == len(self._heights):
             self._heights.append(height)
         off = height - self._heights[storey]
-        if self._is_level(T_map_base) and abs(off) < config.same:
+        if self.level(T_map_base) and abs(off) < config.same:
             self._heights[storey] += config.learn * off
 
-    def _is_level(self, T_map_base: Array) -> bool:
+    def level(self, T_map_base: Array) -> bool:
+        """Does a base at a pose (4, 4) stand level, as on no ramp?"""
         return float(T_map_base[2, 2]) > np.cos(self._config.level)
 
     def of(self, keyframe: int) -> int:

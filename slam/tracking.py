@@ -28,6 +28,7 @@ from slam.core import (
 from slam.correspondence import Candidates, PlaneStack
 from slam.localplanes import LocalPlaneConfig, LocalPlanes
 from slam.odometry import Stamped, deskew
+from slam.plumb import Up
 
 Sigmas = tuple[float, float, float, float, float, float]
 
@@ -41,7 +42,9 @@ class TrackingConfig:
     pose at the sweep's end may lie from the odometry's, that at its start from the last sweep's
     end, and the motion between them from that of the last sweep. memory: scans within which a pose
     that has turned away from the odometry's by doubt [rad] is given up for it if that explains
-    clearly more of the scan, by this factor.
+    clearly more of the scan, by this factor. askew: a pose that much off plumb
+    [rad], by the walls of a keyframe, is turned, and within so many keyframes (wary) after that one
+    that is the second much off.
     """
 
     points: int = 2000
@@ -56,6 +59,8 @@ class TrackingConfig:
     memory: int = 8
     doubt: float = np.radians(2.5)
     clearly: float = 1.1
+    askew: tuple[float, float] = (np.radians(1.5), np.radians(0.5))
+    wary: int = 15
     planes: LocalPlaneConfig = field(default_factory=LocalPlaneConfig)
 
 
@@ -71,6 +76,9 @@ class PlaneTracker:
         self._T_track_odom = np.eye(4)
         self._ends: list[Stamped] = []
         self._motion = np.eye(4)
+        self._up = Up()
+        self._wary = 0
+        self._learned_at = np.zeros(3)
         self._lately: list[tuple[Array, Array]] = []  # T_track_base, T_odom_base of the last scans
 
     def track(self, scan: Scan, T_odom_base: Array) -> Array:
@@ -93,10 +101,40 @@ class PlaneTracker:
         """Points (N, 3) of the scan tracked last, base frame at the sweep's end."""
         return deskew(scan, self._ends)
 
-    def learn(self, planes: tuple[PlaneObservation, ...]) -> None:
-        """Takes in what a keyframe, the scan tracked last, observed."""
-        self._planes.learn(planes, self._ends[-1][1])
+    @property
+    def latest(self) -> Array:
+        """T_track_base (4, 4) at the end of the scan tracked last."""
+        return self._ends[-1][1]
+
+    def learn(self, planes: tuple[PlaneObservation, ...], plumb: Array | None = None) -> None:
+        """Takes in what a keyframe, the scan tracked last, observed. plumb: see ``KeyframeScan``;
+        it may turn the ``latest``."""
+        if plumb is not None:
+            self._set_upright(plumb)
+        self._planes.learn(planes, self.latest)
         self._stack = PlaneStack(tuple(self._planes))
+        self._learned_at = self.latest[:3, 3]
+
+    def _set_upright(self, plumb: Array) -> None:
+        """Turns the pose where it is clearly askew by what the walls say.
+
+        A base that comes onto a ramp takes the floor with it: the ramp under it looks as the floor
+        did, and the poses stay level. The way since the last keyframe is turned by half.
+        """
+        up = self._up.compared(self.latest, plumb)
+        if up is None:
+            return
+        turn = np.cross(self.latest[:3, :3] @ plumb, up)  # by its sine: of a few degrees
+        self._wary -= 1
+        if float(np.linalg.norm(turn)) < self._config.askew[0 if self._wary < 0 else 1]:
+            return
+        self._wary = self._config.wary
+        half, whole = so3_exp(0.5 * turn), so3_exp(turn)
+        place = self._learned_at + half @ (self.latest[:3, 3] - self._learned_at)
+        corrected = pose(whole, place - whole @ self.latest[:3, 3])
+        self._ends = [(stamp, corrected @ end) for stamp, end in self._ends]
+        self._T_track_odom = orthonormal(corrected @ self._T_track_odom)
+        self._lately = [(self.latest, self._lately[-1][1])]
 
     def _believed(
         self, scan: Scan, stamp: float, start: Array, end: Array, T_odom_base: Array

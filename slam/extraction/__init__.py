@@ -11,6 +11,8 @@ ceiling: the returns whose neighbour in the next beam is level with them (``leve
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,22 +24,37 @@ from slam.extraction.runs import straight_runs
 from slam.extraction.sweep import Sweep
 from slam.extraction.walls import wall_planes
 
-__all__ = ["ExtractionConfig", "extract_planes"]
+__all__ = ["Extracted", "ExtractionConfig", "extract", "extract_planes"]
+
+
+class Extracted(NamedTuple):
+    """plumb: (3,) unit, base frame, up along walls that are plumb, if the sweep tells that."""
+
+    planes: tuple[PlaneObservation, ...]
+    plumb: Array | None
 
 
 def extract_planes(
     points: Array, ring: NDArray[np.int16], origin: Array, config: ExtractionConfig
 ) -> tuple[PlaneObservation, ...]:
-    """Planes in a deskewed sweep.
+    """The planes alone of ``extract``."""
+    return extract(points, ring, origin, config).planes
+
+
+def extract(
+    points: Array, ring: NDArray[np.int16], origin: Array, config: ExtractionConfig
+) -> Extracted:
+    """Planes in a deskewed sweep, and the direction of plumb walls.
 
     points: (N, 3) base frame, z roughly up; ring: (N,) beam; origin: (3,) the sensor in that frame.
     """
     sweep = Sweep.of(points, ring, origin, config.max_range)
     if len(sweep) < config.min_points:
-        return ()
+        return Extracted((), None)
     levels = find_levels(sweep, config)
     upright = sweep.part(~levels.on)
     runs = straight_runs(upright, config)
     offsets = beam_offsets(runs, int(ring.max()) + 1, config)
     floors = level_planes(sweep, levels, offsets, runs.noise, config)
-    return (*floors, *wall_planes(upright, runs, offsets, config))
+    planes = (*floors, *wall_planes(upright, runs, offsets, config))
+    return Extracted(planes, offsets.plumb(config.plumb_surely))

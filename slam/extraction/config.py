@@ -30,11 +30,14 @@ class ExtractionConfig:
     after that, at best; flat_sigma: of a wall from run to run where runs are compared, and
     wave_sigma from one ``stretch`` of it to the next where a plane is fitted; plumb_sigma: weak
     prior on a wall's tilt, so that a wall seen by one beam only does not topple, and level_sigma on
-    a floor's; tilt_sigma: of the base; motion_sigma: of what the motion within the sweep leaves of
+    a floor's; tilt_sigma: of the base; plumb_surely: what is not known so well is not told of the
+    direction of plumb walls; motion_sigma: of what the motion within the sweep leaves of
     a ray's direction.
 
     floor_distance: half thickness of what is taken off as floor, and floor_width of what it is
-    fitted to, since the feet of the walls stand on one side of it only; thin: voxel of the sample
+    fitted to, since the feet of the walls stand on one side of it only; floor_slope: no floor that
+    the base stands on is steeper to it; ramp: least and largest slope of one, ramp_min_points: of
+    the smallest; thin: voxel of the sample
     of points kept.
     """
 
@@ -65,9 +68,13 @@ class ExtractionConfig:
     plumb_sigma: float = np.radians(1.0)
     level_sigma: float = np.radians(2.0)
     tilt_sigma: float = np.radians(2.0)
+    plumb_surely: float = np.radians(0.4)
     motion_sigma: float = 0.002
     floor_distance: float = 0.06
     floor_width: float = 0.025
+    floor_slope: float = np.radians(1.2)
+    ramp: tuple[float, float] = (np.radians(2.5), np.radians(14.0))
+    ramp_min_points: int = 100
     floor_min_beam: int = 40
     floor_min_points: int = 200
     max_range: float = 25.0

@@ -11,27 +11,30 @@ from slam.core import Array, IntArray, PlaneObservation
 from slam.extraction.config import ExtractionConfig
 from slam.extraction.fit import Noise, Prior, fit_plane, thin
 from slam.extraction.offsets import BeamOffsets
+from slam.extraction.ramps import on_ramp
 from slam.extraction.sweep import Sweep
 
-COLUMNS = 900
 SAMPLE = 2000
 """So many of the candidates tell where a level is, before it is fitted to all that are on it."""
 STEPS = (0.15, 0.10, 0.06)
 """Half widths of what a level is fitted to, one iteration after the other [m]."""
+HELD, LOOSE = 1e6, 20.0
+"""How much slopes are held near zero."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """on: (N,) which returns of a sweep are on the floor or the ceiling; inliers: places of those
-    that either is to be fitted to, where it is found."""
+    """on: (N,) which returns of a sweep are on the floor, the ceiling or a ramp; inliers: places of
+    those that floor and ceiling are to be fitted to, where they are found."""
 
     on: NDArray[np.bool_]
     inliers: tuple[IntArray, ...]
 
 
 def find_levels(sweep: Sweep, config: ExtractionConfig) -> Levels:
-    """Floor and ceiling of a sweep."""
-    flat = _level_neighbours(sweep)
+    """Floor and ceiling of a sweep, and what of it is on a ramp."""
+    below, above = sweep.above()
+    flat = _level_neighbours(sweep, below, above)
     on = np.zeros(len(sweep), dtype=bool)
     found = []
     relative = sweep.xyz - sweep.origin
@@ -42,7 +45,10 @@ def find_levels(sweep: Sweep, config: ExtractionConfig) -> Levels:
         if len(candidates) < config.floor_min_points:
             continue
         sample = candidates[:: max(1, len(candidates) // SAMPLE)]
-        off = depth - design @ _fit_level(design[sample], depth[sample], config)
+        level = _fit_level(design[sample], depth[sample], config)
+        if np.hypot(level[0], level[1]) > np.tan(config.floor_slope):  # it took in a ramp's foot
+            level = _fit_level(design[sample], depth[sample], config, HELD)
+        off = depth - design @ level
         inliers = candidates[np.abs(off[candidates]) < config.floor_width]
         # Without the beams that only graze the floor where it meets a wall.
         ring = sweep.ring[inliers]
@@ -52,6 +58,7 @@ def find_levels(sweep: Sweep, config: ExtractionConfig) -> Levels:
             continue
         on |= (np.abs(off) < config.floor_distance) & (depth < 0.0)
         found.append(inliers)
+    on |= on_ramp(sweep, on, below, above, config)
     return Levels(on, tuple(found))
 
 
@@ -62,15 +69,9 @@ def level_planes(
     return [_level(sweep, inliers, offsets, noise, config) for inliers in levels.inliers]
 
 
-def _level_neighbours(sweep: Sweep) -> NDArray[np.bool_]:
+def _level_neighbours(sweep: Sweep, a: IntArray, b: IntArray) -> NDArray[np.bool_]:
     """(N,) True where the line to the next beam's return is level and neither of its
-    neighbours stands above or below it, as on a wall."""
-    table = np.full((int(sweep.ring.max(initial=0)) + 1, COLUMNS), -1, dtype=np.int64)
-    column = ((sweep.azimuth + np.pi) * (COLUMNS / (2 * np.pi))).astype(np.int64) % COLUMNS
-    table[sweep.ring, column] = np.arange(len(sweep))
-    low, high = table[:-1], table[1:]
-    pairs = (low >= 0) & (high >= 0)
-    a, b = low[pairs], high[pairs]
+    neighbours stands above or below it, as on a wall. a, b: see ``Sweep.above``."""
     step = sweep.xyz[b] - sweep.xyz[a]
     rise, run = np.abs(step[:, 2]), np.hypot(step[:, 0], step[:, 1])
     is_flat = (rise < 0.04 + 0.01 * run) & (rise < np.tan(np.radians(30.0)) * run)
@@ -83,13 +84,13 @@ def _level_neighbours(sweep: Sweep) -> NDArray[np.bool_]:
     return flat
 
 
-def _fit_level(design: Array, depth: Array, config: ExtractionConfig) -> Array:
+def _fit_level(design: Array, depth: Array, config: ExtractionConfig, hold: float = LOOSE) -> Array:
     """depth = a x + b y + c of the lowest level that many share, outliers let go bit by bit.
 
     design: (N, 3) rows x, y, 1. The base stands on its floor: slopes are held near zero.
     """
     plane = np.array([0.0, 0.0, _lowest_level(depth)])
-    ridge = np.diag([20.0, 20.0, 1e-6])
+    ridge = np.diag([hold, hold, 1e-6])
     for width in (*STEPS, config.floor_width, config.floor_width):
         near = np.abs(depth - design @ plane) < width
         A = design[near]

@@ -33,11 +33,20 @@ LEAN = np.radians(0.3)
 class BeamOffsets:
     """range: (B,) how much too far each beam measures [m], and sigma: (B,) how well that is known
     beside what all have in common; tilt: (2,) x and y of the direction of walls that are plumb,
-    base frame."""
+    base frame, and tilt_sigma: (2,) how well those are known."""
 
     range: Array
     sigma: Array
     tilt: Array
+    tilt_sigma: Array
+
+    def plumb(self, surely: float) -> Array | None:
+        """(3,) unit, the direction of walls that are plumb, upwards; None where that is not known
+        so surely [rad]."""
+        if self.tilt_sigma.max() > surely:
+            return None
+        up = np.append(self.tilt, 1.0)
+        return np.asarray(up / np.linalg.norm(up))
 
     def exact(self, sweep: Sweep, places: IntArray) -> Array:
         """(M, 3) some of the returns, without their beams' offsets."""
@@ -59,7 +68,8 @@ def beam_offsets(runs: Runs, beams: int, config: ExtractionConfig) -> BeamOffset
     lines = Lines(runs.moments)
     first, second, normal = _pairs(runs, lines, config)
     if len(first) == 0:
-        return BeamOffsets(np.zeros(beams), np.full(beams, config.beam_sigma), np.zeros(2))
+        nothing = np.full(beams, config.beam_sigma), np.zeros(2), np.full(2, config.tilt_sigma)
+        return BeamOffsets(np.zeros(beams), *nothing)
     between = lines.mean[second] - lines.mean[first]
     distance = np.einsum("pi,pi->p", between, normal)
     rise = runs.z[second] - runs.z[first]
@@ -78,8 +88,11 @@ def beam_offsets(runs: Runs, beams: int, config: ExtractionConfig) -> BeamOffset
         information = weighted.T @ design + prior
         solution = np.linalg.solve(information, weighted.T @ distance)
     apart = np.eye(beams, beams + 2) - np.eye(beams + 2)[:beams].mean(axis=0)
-    covariance = apart @ np.linalg.inv(information) @ apart.T
-    return BeamOffsets(solution[:beams], np.sqrt(np.diag(covariance)), solution[beams:])
+    whole = np.linalg.inv(information)
+    covariance = apart @ whole @ apart.T
+    tilt_sigma = np.sqrt(np.diag(whole)[beams:])
+    sigma = np.sqrt(np.diag(covariance))
+    return BeamOffsets(solution[:beams], sigma, solution[beams:], tilt_sigma)
 
 
 def across(runs: Runs, lines: Lines, which: IntArray, normal: Array) -> Array:

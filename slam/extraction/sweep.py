@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from slam.core import Array, IntArray
 
+COLUMNS = 900
+"""Directions in which returns of two beams are one above the other."""
+
 
 @dataclass(frozen=True)
 class Sweep:
@@ -35,6 +38,15 @@ class Sweep:
 
     def __len__(self) -> int:
         return len(self.xyz)
+
+    def above(self) -> tuple[IntArray, IntArray]:
+        """Places (P,) of returns, and of those of the next beam over them."""
+        table = np.full((int(self.ring.max(initial=0)) + 1, COLUMNS), -1, dtype=np.int64)
+        column = ((self.azimuth + np.pi) * (COLUMNS / (2 * np.pi))).astype(np.int64) % COLUMNS
+        table[self.ring, column] = np.arange(len(self))
+        low, high = table[:-1], table[1:]
+        pairs = (low >= 0) & (high >= 0)
+        return low[pairs], high[pairs]
 
     def part(self, mask: NDArray[np.bool_]) -> Sweep:
         """Those of its returns."""

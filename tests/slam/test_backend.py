@@ -222,6 +222,24 @@ def test_keyframes_that_add_nothing_are_not_added():
     assert np.abs(errors(backend.trajectory(), poses)).max() < 0.03
 
 
+@pytest.mark.parametrize("tilt", [1.0, 6.0])
+def test_on_a_ramp_plumb_walls_say_how_steep_it_is(tilt):
+    """An odometry takes a tenth of a degree too little at each step; on the level nobody asks."""
+    backend = BackEnd()
+    for k in range(12):
+        true, odom = (
+            base_pose(0.4 * k, 0.0, 0.3, (0.0, -np.radians(degrees)))
+            for degrees in ((tilt, 0.8 * tilt) if k > 5 else (0.0, 0.0))
+        )
+        plumb = true[:3, :3].T @ np.array([0.0, 0.0, 1.0])
+        keyframe = KeyframeScan((), np.zeros((0, 3)), SENSOR, plumb)
+        backend.add(Frame(k, 0.1 * k, odom, odom, keyframe))
+    backend.finish()
+    last = backend.keyframes()[-1].T_map_base
+    found = np.degrees(np.arccos(base_pose(0, 0, 0.3)[:3, 2] @ last[:3, 2]))
+    assert found == pytest.approx(6.0 if tilt == 6.0 else 0.8, abs=0.1)
+
+
 def test_a_plane_without_a_direction_is_refused():
     with pytest.raises(InputError, match="a unit normal"):
         LayeredGraph().add_plane(np.zeros(3), 1.0, np.zeros(3))

@@ -8,6 +8,7 @@ from slam.factors import (
     keyframe_plane_factor,
     parallel_factor,
     perpendicular_factor,
+    plumb_factor,
     room_factor,
     thickness_factor,
     wall_factor,
@@ -97,6 +98,26 @@ def test_keyframe_plane_error_is_zero_for_the_true_plane_and_metric_beside_it():
     plane = add_plane(values, PLANES[0], normal, d + 0.05)
     error = keyframe_plane_factor(POSE, plane, seen).unwhitenedError(values)
     assert error == pytest.approx([0.0, 0.0, 0.05], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_plumb_walls_hold_the_tilt_and_nothing_else(seed):
+    rng = np.random.default_rng(seed)
+    up = random_direction(rng)
+    T = pose(so3_exp(rng.normal(size=3)), rng.normal(size=3))
+    values = gtsam.Values()
+    values.insert(POSE, gtsam.Pose3(T))
+    noise = gtsam.noiseModel.Isotropic.Sigma(2, 0.01)
+    check_jacobians(plumb_factor(POSE, random_direction(rng), up, noise), values)
+    factor = plumb_factor(POSE, up @ T[:3, :3], up, noise)
+    assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-9)
+    values.update(POSE, gtsam.Pose3(pose(so3_exp(0.7 * up) @ T[:3, :3], rng.normal(size=3))))
+    assert factor.unwhitenedError(values) == pytest.approx([0.0, 0.0], abs=1e-9)
+    tilted = T[:3, :3] @ so3_exp(0.02 * np.cross(up @ T[:3, :3], [1.0, 0.0, 0.0]))
+    values.update(POSE, gtsam.Pose3(pose(tilted, T[:3, 3])))
+    assert np.linalg.norm(factor.unwhitenedError(values)) == pytest.approx(
+        0.02 * np.linalg.norm(np.cross(up @ T[:3, :3], [1.0, 0.0, 0.0])), rel=0.01
+    )
 
 
 def box_values(width, depth):

@@ -3,7 +3,7 @@ import pytest
 from synthetic import ELEVATIONS, base_pose, box_planes, scan_box
 
 from slam.core import Scan, inverse, pose, so3_exp, so3_log, transform_plane, transform_points
-from slam.extraction import ExtractionConfig, extract_planes
+from slam.extraction import ExtractionConfig, extract, extract_planes
 from slam.localplanes import LocalPlaneConfig, LocalPlanes
 from slam.tracking import PlaneTracker
 
@@ -108,6 +108,40 @@ def test_the_synthetic_beams_are_those_of_the_sensor():
     assert len(ELEVATIONS) == 16
     normal, d = transform_plane(np.eye(4), np.array([1.0, 0.0, 0.0]), 2.0)
     assert normal @ np.array([-2.0, 0.0, 0.0]) + d == 0.0
+
+
+RAMP = np.radians(6.0)
+SLOPE = np.array([-np.sin(RAMP), 0.0, np.cos(RAMP)]), 4.0 * float(np.sin(RAMP))
+SHAFT = [*box_planes(12.0, 3.0, 3.0), SLOPE]
+
+
+def up_a_ramp(told):
+    """Tilt [deg] and height [m] by which a tracker is off after 4 m of a ramp, with an odometry
+    that takes it for level; told: does it hear which way walls are plumb?"""
+    rng = np.random.default_rng(4)
+    tracker, start = PlaneTracker(), base_pose(1.5, 1.5, 0.0)
+    for k in range(108):
+        x = 1.5 + 0.06 * k
+        slope = RAMP * np.clip((x - 3.8) / 0.4, 0.0, 1.0)
+        T = base_pose(x, 1.5, 0.0, (0.0, -slope))
+        T[2, 3] = max(0.0, x - 4.0) * np.tan(RAMP)
+        scan = scan_box(SHAFT, T, rng, k)
+        tracker.track(scan, inverse(start) @ base_pose(x, 1.5, 0.0))
+        if k % 7 == 0:
+            points, origin = tracker.deskew(scan), T_BASE_LIDAR[:3, 3]
+            planes, plumb = extract(points, scan.ring, origin, ExtractionConfig())
+            tracker.learn(planes, plumb if told else None)
+    error = inverse(inverse(start) @ T) @ tracker.latest
+    return np.degrees(np.linalg.norm(so3_log(error[:3, :3])[:2])), abs(error[2, 3])
+
+
+def test_a_ramp_is_climbed_because_walls_are_plumb():
+    tilt, height = up_a_ramp(told=True)
+    assert tilt < 1.5
+    assert height < 0.12
+    not_told = up_a_ramp(told=False)
+    assert not_told[0] > 1.5 * tilt
+    assert not_told[1] > 2.0 * height
 
 
 def led_away(turned):

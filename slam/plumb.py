@@ -1,0 +1,26 @@
+"""Which way is up, by the walls: they are plumb on every storey and beside every ramp."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.core import Array
+
+FIRST = 5
+"""Keyframes that tell it; later ones are compared with them."""
+
+
+class Up:
+    """The direction in which plumb walls run in some frame."""
+
+    def __init__(self) -> None:
+        self._seen: list[Array] = []
+
+    def compared(self, T_frame_base: Array, plumb: Array) -> Array | None:
+        """(3,) unit, in the frame; None to the first keyframes, which tell it. plumb: what one saw
+        from a pose (4, 4), see ``KeyframeScan``."""
+        if len(self._seen) < FIRST:
+            self._seen.append(T_frame_base[:3, :3] @ plumb)
+            return None
+        up = np.mean(self._seen, axis=0)
+        return np.asarray(up / np.linalg.norm(up))
