@@ -59,7 +59,7 @@ class TrackingConfig:
     memory: int = 8
     doubt: float = np.radians(2.5)
     clearly: float = 1.1
-    askew: tuple[float, float] = (np.radians(1.5), np.radians(0.5))
+    askew: tuple[float, float] = (np.radians(2.0), np.radians(0.5))
     wary: int = 15
     planes: LocalPlaneConfig = field(default_factory=LocalPlaneConfig)
 

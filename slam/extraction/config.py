@@ -72,7 +72,7 @@ class ExtractionConfig:
     motion_sigma: float = 0.002
     floor_distance: float = 0.06
     floor_width: float = 0.025
-    floor_slope: float = np.radians(1.2)
+    floor_slope: float = np.radians(1.5)
     ramp: tuple[float, float] = (np.radians(2.5), np.radians(14.0))
     ramp_min_points: int = 100
     floor_min_beam: int = 40

@@ -112,15 +112,15 @@ def test_the_synthetic_beams_are_those_of_the_sensor():
 
 RAMP = np.radians(6.0)
 SLOPE = np.array([-np.sin(RAMP), 0.0, np.cos(RAMP)]), 4.0 * float(np.sin(RAMP))
-SHAFT = [*box_planes(12.0, 3.0, 3.0), SLOPE]
+SHAFT = [*box_planes(16.0, 3.0, 4.0), SLOPE]
 
 
 def up_a_ramp(told):
-    """Tilt [deg] and height [m] by which a tracker is off after 4 m of a ramp, with an odometry
+    """Tilt [deg] and height [m] by which a tracker is off after 7 m of a ramp, with an odometry
     that takes it for level; told: does it hear which way walls are plumb?"""
     rng = np.random.default_rng(4)
     tracker, start = PlaneTracker(), base_pose(1.5, 1.5, 0.0)
-    for k in range(108):
+    for k in range(160):
         x = 1.5 + 0.06 * k
         slope = RAMP * np.clip((x - 3.8) / 0.4, 0.0, 1.0)
         T = base_pose(x, 1.5, 0.0, (0.0, -slope))
@@ -138,10 +138,10 @@ def up_a_ramp(told):
 def test_a_ramp_is_climbed_because_walls_are_plumb():
     tilt, height = up_a_ramp(told=True)
     assert tilt < 1.5
-    assert height < 0.12
+    assert height < 0.25
     not_told = up_a_ramp(told=False)
     assert not_told[0] > 1.5 * tilt
-    assert not_told[1] > 2.0 * height
+    assert not_told[1] > 1.5 * height
 
 
 def led_away(turned):
