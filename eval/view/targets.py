@@ -31,7 +31,7 @@ class FileTarget:
 class ViewerTarget:
     """A viewer that listens at a rerun address."""
 
-    tick_s = 0.1
+    tick_s = 0.3
 
     PATIENCE_S = 5.0
     """How long the end of a run waits for a viewer that is slow, or gone."""
