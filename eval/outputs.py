@@ -115,6 +115,10 @@ def metrics_values(metrics: Metrics) -> object:
     return _plain(dataclasses.asdict(metrics))
 
 
+ADDED = {"consistency.chi2.plumb"}
+"""Keys that results of earlier versions lack: there they do not apply."""
+
+
 def write_metrics(metrics: Metrics, path: Path) -> None:
     """Write metrics.json, whole or not at all."""
     write_text(path, metrics_json(metrics))
@@ -150,6 +154,7 @@ def _build(kind: type, tree: object, path: Path, at: str) -> object:
     check(isinstance(tree, dict), path, at or "file", "an object")
     assert isinstance(tree, dict)
     hints = typing.get_type_hints(kind)
+    tree = {key: None for key in hints if at + key in ADDED} | tree
     for key in hints.keys() ^ tree.keys():
         state = "is missing" if key in hints else "is not known"
         raise InputError(f"{path}: {at}{key}: this key {state} in {SCHEMA}")

@@ -312,6 +312,13 @@ def test_broken_metrics(tmp_path: Path, at: str, value: object, message: str) ->
         read_metrics(path)
 
 
+def test_results_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "metrics.json"
+    tree = change(json.loads(metrics_json(metrics())), "consistency.chi2.plumb", KeyError)
+    path.write_text(json.dumps(tree))
+    assert read_metrics(path) == metrics()
+
+
 @pytest.mark.parametrize("read", [read_graph, read_metrics])
 @pytest.mark.parametrize(
     ("data", "message"),

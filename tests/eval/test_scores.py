@@ -255,7 +255,7 @@ mean_iou, piece_f1, retracted_true, id_switches}, walls{truth, detected, true_po
 recall}, failures{missed_unseen, missed_planes, missed_edges, missed_clustering, false_unseen,
 false_planes, false_edges, false_clustering}, loops{true, false, missed},
 consistency{keyframes{mean, within_95},
-planes{mean, within_95}, chi2{odometry, planes, loops, rooms, walls, floors, parallel,
+planes{mean, within_95}, chi2{odometry, planes, plumb, loops, rooms, walls, floors, parallel,
 perpendicular, thickness}}, first_room_s, room_latency_s{median,
 p95}, stages{lidar{median_ms, p95_ms, total_s}, odometry{median_ms, p95_ms, total_s},
 planes{median_ms, p95_ms, total_s}, semantics{median_ms, p95_ms, total_s}, graph{median_ms, p95_ms,
