@@ -34,7 +34,10 @@ def on_ramp(
     places = np.unique(np.concatenate([below[sloped], above[sloped]]))
     if len(places) < config.ramp_min_points:
         return np.zeros(len(sweep), dtype=bool)
-    normal, offset = _best_plane(sweep.xyz[places[:: max(1, len(places) // SAMPLE)]], config)
+    found = _best_plane(sweep.xyz[places[:: max(1, len(places) // SAMPLE)]], config)
+    if found is None:
+        return np.zeros(len(sweep), dtype=bool)
+    normal, offset = found
     off = np.abs(sweep.xyz @ normal - offset)
     first, second = off[below] < config.floor_width, off[above] < config.floor_width
     both, one = int((first & second).sum()), int((first ^ second).sum())
@@ -43,17 +46,20 @@ def on_ramp(
     return np.asarray(off < config.floor_distance)
 
 
-def _best_plane(points: Array, config: ExtractionConfig) -> tuple[Array, float]:
+def _best_plane(points: Array, config: ExtractionConfig) -> tuple[Array, float] | None:
     """Normal (3,) and offset of the plane through three of the points (M, 3) that slopes as ramps
-    do and that most others lie on."""
+    do and that most others lie on; None where none slopes so."""
     rng = np.random.default_rng(0)  # the same sweep gives the same planes
     a, b, c = points[rng.integers(len(points), size=(TRIES, 3))].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     slopes = _is_slope(np.hypot(normal[:, 0], normal[:, 1]), np.abs(normal[:, 2]), config)
+    if not slopes.any():
+        return None
+    normal, a = normal[slopes], a[slopes]
     offset = np.einsum("ti,ti->t", normal, a)
     near = np.abs(points @ normal.T - offset) < config.floor_width
-    best = int(np.where(slopes, near.sum(axis=0), 0).argmax())
+    best = int(near.sum(axis=0).argmax())
     return normal[best], float(offset[best])
 
 

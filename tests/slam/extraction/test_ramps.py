@@ -5,7 +5,7 @@ from synthetic import base_pose, box_planes, in_base, scan_box
 from slam.core import transform_plane
 from slam.extraction import ExtractionConfig, extract
 from slam.extraction.levels import find_levels
-from slam.extraction.ramps import on_ramp
+from slam.extraction.ramps import _best_plane, on_ramp
 from slam.extraction.sweep import Sweep
 
 CONFIG = ExtractionConfig()
@@ -59,6 +59,12 @@ def test_a_room_without_one_has_none():
     nothing = np.zeros(len(sweep), dtype=bool)
     floor = sweep.xyz[:, 2] < 0.1
     assert not on_ramp(sweep, nothing | floor, *sweep.above(), CONFIG).any()
+
+
+def test_a_wall_is_no_ramp_however_many_points_it_has():
+    rng = np.random.default_rng(0)
+    y, z = rng.uniform(-3.0, 3.0, (2, 500))
+    assert _best_plane(np.column_stack([np.full(500, 2.0), y, z]), CONFIG) is None
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.0, -0.1), (0.05, 0.02), (-0.12, 0.0)])
