@@ -1,7 +1,5 @@
 """The baselines' parameters that suit a 16-beam sensor best, found on training buildings.
 
-    python -m eval.baseline_search --cache DIR [--only hydra|sgraphs]
-
 Starts from the published parameters and takes one after the other: the value that finds rooms best
 in all training buildings together stays, and so on until nothing changes any more. What is best
 goes by the F1 of precision and recall, pooled over the buildings: by pieces where there are some,
@@ -10,8 +8,6 @@ else by centres. All buildings are the generator's, by their seeds; those held o
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +19,7 @@ from semantics.hydra.config import PUBLISHED_V2, HydraConfig
 from semantics.sgraphs.config import PUBLISHED, SgraphsConfig
 from slam.core import Proposals
 
+METHODS = ("hydra", "sgraphs")
 TRAINING, HELD_OUT = (1, 3, 5, 21), (2, 8, 22, 23)
 """Seeds of buildings: 40 and 24 rooms."""
 
@@ -186,35 +183,26 @@ def report(
         yield f"| {trial.change} | {' | '.join(numbers)} |\n"
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Writes both searches to standard output."""
-    parser = argparse.ArgumentParser(prog="eval.baseline_search")
-    parser.add_argument("--cache", type=Path, required=True)
-    parser.add_argument("--only", choices=("hydra", "sgraphs"))
-    asked = parser.parse_args(arguments)
+def searches(methods: Sequence[str], cache: Path) -> Iterator[str]:
+    """Lines of both tables, as the searches go on. methods: of METHODS; cache: where the drives
+    through the buildings are kept, which take longest."""
     train, held_out = (
-        [drive_of(generated(seed, asked.cache), asked.cache) for seed in seeds]
+        [drive_of(generated(seed, cache), cache) for seed in seeds]
         for seeds in (TRAINING, HELD_OUT)
     )
-    if asked.only != "sgraphs":
-        _write("Hydra", PUBLISHED_V2, HYDRA_AXES, hydra_rooms, train, held_out)
-    if asked.only != "hydra":
-        _write("S-Graphs+", PUBLISHED, SGRAPHS_AXES, sgraphs_rooms, train, held_out)
+    if "hydra" in methods:
+        yield from _lines("Hydra", PUBLISHED_V2, HYDRA_AXES, hydra_rooms, train, held_out)
+    if "sgraphs" in methods:
+        yield from _lines("S-Graphs+", PUBLISHED, SGRAPHS_AXES, sgraphs_rooms, train, held_out)
 
 
-def _write(
+def _lines(
     name: str,
     start: Config,
     axes: Axes,
     rooms: Rooms[Config],
     train: Sequence[Drive],
     held_out: Sequence[Drive],
-) -> None:
+) -> Iterator[str]:
     trials = search(start, axes, lambda config: over(train, rooms, config))
-    for line in report(name, trials, lambda config: over(held_out, rooms, config)):
-        sys.stdout.write(line)
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    return report(name, trials, lambda config: over(held_out, rooms, config))

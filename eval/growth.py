@@ -2,7 +2,9 @@
 
 No simulator: generated buildings are laid side by side, and a base goes through all their rooms on
 straight lines. From each keyframe it observes the faces of the room it is in and the floor, as the
-truth has them plus noise of the measured size, and odometry drifts as tracking does.
+truth has them plus noise of the measured size, and odometry drifts as tracking does. A block of
+buildings comes again and again, so that what is compared are the same rooms in a small map and in a
+large one.
 """
 
 from __future__ import annotations
@@ -10,7 +12,8 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import cycle
 
 import numpy as np
 import shapely
@@ -41,7 +44,8 @@ from worlds.world import true_world
 class GrowthConfig:
     """step [m]: between keyframes; reach [m]: how far planes are seen; spacing [m]: of the points
     on them; tilt [rad], offset [m]: standard deviations of an observed plane; point_sigma [m];
-    turn [rad], slip [m]: of the odometry, per keyframe; gap [m]: between buildings."""
+    turn [rad], slip [m]: of the odometry, per keyframe; gap [m]: between buildings; block: rooms
+    after which the same buildings come again."""
 
     step: float = 0.5
     reach: float = 12.0
@@ -52,6 +56,7 @@ class GrowthConfig:
     turn: float = np.radians(0.05)
     slip: float = 0.005
     gap: float = 5.0
+    block: int = 50
 
 
 @dataclass(frozen=True)
@@ -66,11 +71,30 @@ class Growth:
     planes: Array
     rss_mb: Array
 
-    def ratio(self, ms: Array, early: float = 25.0, window: float = 10.0) -> float:
-        """Median of the last 5 % of updates over that around room ``early``."""
-        around = np.abs(self.rooms - early) <= window
-        last = ms[-max(1, len(ms) // 20) :]
-        return float(np.median(last) / np.median(ms[around]))
+    def blocks(self, block: int = GrowthConfig.block) -> list[Block]:
+        """Medians of each block of rooms, and the map's size and memory after it."""
+        number = np.maximum(self.rooms - 1, 0).astype(np.int64) // block
+        found = []
+        for place in np.unique(number):
+            of = np.flatnonzero(number == place)
+            ms = float(np.median(self.graph_ms[of])), float(np.median(self.detector_ms[of]))
+            end = of[-1]
+            found.append(
+                Block(int(self.rooms[end]), int(self.planes[end]), *ms, float(self.rss_mb[end]))
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class Block:
+    """rooms, planes: in the map by its end; graph_ms, detector_ms: of the processor, the median
+    update in it; rss_mb: of the process [MB]."""
+
+    rooms: int
+    planes: int
+    graph_ms: float
+    detector_ms: float
+    rss_mb: float
 
 
 def growth(
@@ -109,8 +133,8 @@ def observations(
     """Keyframes, and how many rooms were begun by then."""
     T_last, T_odom_base, index = None, np.eye(4), 0
     begun = 0
-    for truth, origin in _buildings(rooms, rng, config):
-        for room in truth.rooms[: rooms - begun]:
+    for truth, origin, known in _buildings(rooms, rng, config):
+        for room in known:
             begun += 1
             faces = [truth.faces[face] for face in room.faces]
             for place in _way(room, T_last, origin, config):
@@ -124,16 +148,22 @@ def observations(
 
 def _buildings(
     rooms: int, rng: np.random.Generator, config: GrowthConfig
-) -> Iterator[tuple[Truth, Array]]:
-    """Truths of generated buildings that hold so many rooms, and where each one stands (2,)."""
+) -> Iterator[tuple[Truth, Array, Sequence[Room]]]:
+    """Truths of generated buildings, where each one stands (2,), and its rooms: a block of them
+    again and again, until there are so many rooms."""
+    block: list[Truth] = []
+    while (left := config.block - sum(len(truth.rooms) for truth in block)) > 0:
+        conditions = np.random.SeedSequence(int(rng.integers(1 << 31)))
+        truth = true_world(random_plan(rng), conditions, AS_BUILT)
+        block.append(replace(truth, rooms=truth.rooms[:left]))
     x = 0.0
-    while rooms > 0:
-        plan = random_plan(rng)
-        truth = true_world(plan, np.random.SeedSequence(int(rng.integers(1 << 31))), AS_BUILT)
+    for truth in cycle(block):
         low_x, low_y, high_x, _ = shapely.union_all([r.polygon for r in truth.rooms]).bounds
-        yield truth, np.array([x - low_x, -low_y])
+        yield truth, np.array([x - low_x, -low_y]), truth.rooms[:rooms]
         x += high_x - low_x + config.gap
         rooms -= len(truth.rooms)
+        if rooms <= 0:
+            return
 
 
 def _way(room: Room, T_last: Array | None, origin: Array, config: GrowthConfig) -> Array:

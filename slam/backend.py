@@ -15,7 +15,9 @@ from slam.core import (
     KeyframeScan,
     MapView,
     Proposals,
+    RoomProposal,
     RunError,
+    WallProposal,
     inverse,
     transform_plane,
     transform_points,
@@ -23,7 +25,7 @@ from slam.core import (
 from slam.graph import GraphConfig, LayeredGraph
 from slam.keyframes import Keyframes, usable_planes
 from slam.loops import Loop, LoopCloser, LoopConfig
-from slam.nodes import one_in_a_room, room_nodes, wall_nodes
+from slam.nodes import Nodes, one_in_a_room, room_node, wall_node
 from slam.path import Anchor, Path
 from slam.planemap import PlaneMap, PlaneMapConfig
 from slam.plumb import Up
@@ -60,6 +62,8 @@ class BackEnd:
         self._estimates = self._graph.estimates
         self._storeys = Storeys()
         self._planes = PlaneMap(self._estimates, config.planes)
+        self._rooms = Nodes(self._planes, self._room_node)
+        self._walls = Nodes(self._planes, self._wall_node)
         self._path = Path()
         self._keyframes: list[Frame] = []
         self._scans: list[KeyframeScan] = []
@@ -196,15 +200,21 @@ class BackEnd:
         """The rooms and walls that the graph holds from now on."""
         if self._config.layers == "planes":
             return
-        rooms = room_nodes(proposals.rooms, self._planes, self._estimates.normals)
+        rooms = self._rooms.of(proposals.rooms)
         with_walls = self._config.layers == "rooms+walls"
-        walls = wall_nodes(proposals.walls, self._planes) if with_walls else {}
+        walls = self._walls.of(proposals.walls) if with_walls else {}
         self._graph.set_concepts(rooms, walls)
         if self._config.factors == "informative":
             if self._config.relations.merging:
                 apart = self._config.relations.apart
                 self._merge_pairs(one_in_a_room(rooms.values(), self._planes, apart))
             self._relate(rooms, walls)
+
+    def _room_node(self, room: RoomProposal) -> RoomNode | None:
+        return room_node(room, self._planes, self._estimates.normals)
+
+    def _wall_node(self, wall: WallProposal) -> WallNode | None:
+        return wall_node(wall, self._planes)
 
     def _relate(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
         """Makes the graph hold what rooms and walls say about planes."""

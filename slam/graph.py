@@ -36,11 +36,10 @@ class GraphConfig:
     than height and tilt, which 16 beams hardly see. anchor_*: the first keyframe defines the map.
     plumb: of the direction of plumb walls, however many a sweep sees; robust: an observation of a
     plane that is off by more standard deviations counts less (Huber),
-    such as of a sweep whose motion was wrong. recent: keyframes whose estimates are read after
-    every update; shift [m]: change of the oldest of them that has everything read; share: of the
-    keyframes, after which everything is read anyway. batch: the solver's bookkeeping takes time in
-    proportion to the map, so beyond this many variables it is asked every second keyframe, beyond
-    twice as many every third: what a keyframe costs on average stays the same.
+    such as of a sweep whose motion was wrong. turned [rad], moved [m]: change of a variable from
+    which its factors are linearised anew; they are all but linear in the places. recent: keyframes
+    whose estimates are read after every update; shift [m]: change of the oldest of them that has
+    everything read; share: of the keyframes, after which everything is read anyway.
     """
 
     odometry_rotation: tuple[float, float, float] = (0.012, 0.012, 0.012)
@@ -48,11 +47,11 @@ class GraphConfig:
     anchor_sigma: float = 1e-4
     plumb: float = np.radians(0.3)
     robust: float = 2.0
-    relinearize: float = 0.005
+    turned: float = 0.005
+    moved: float = 0.05
     recent: int = 12
     shift: float = 0.01
     share: float = 0.1
-    batch: int = 500
     concepts: ConceptConfig = field(default_factory=ConceptConfig)
 
 
@@ -87,13 +86,12 @@ class LayeredGraph:
 
     def __init__(self, config: GraphConfig = GraphConfig()):
         self._config = config
-        self._solver = Solver(config.relinearize)
+        self._solver = Solver(_thresholds(config.turned, config.moved))
         self._concepts = Concepts(self._solver, self._plane, config.concepts)
         self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
         self._read_at = 0
-        self._waiting = 0
         self.estimates = Estimates()
 
     # --- keyframes and planes ---
@@ -224,20 +222,14 @@ class LayeredGraph:
     # --- estimates ---
 
     def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
-        """Takes in everything that is pending, now or, in a large map, with the next keyframes.
+        """Takes in everything that is pending.
 
         Reads the estimates of what is near, or of the ``whole`` map. Raises RunError when gtsam
         cannot solve it; the estimates stay those of the last success.
         """
-        whole = whole or extra_iterations > 0
-        self._waiting += 1
-        variables = self.estimates.keyframe_count + self.estimates.plane_count
-        if not whole and self._waiting <= variables // self._config.batch:
-            return
-        self._waiting = 0
         self._solver.update(extra_iterations)
         with failures():
-            self._read(whole)
+            self._read(whole or extra_iterations > 0)
 
     def _read(self, whole: bool) -> None:
         """Brings the estimates up to date, at least those of what is near."""
@@ -304,6 +296,18 @@ class LayeredGraph:
     def variable_count(self) -> int:
         """How many variables the solver holds."""
         return self._solver.variable_count()
+
+
+def _thresholds(turned: float, moved: float) -> dict[str, list[float]]:
+    """Of the coordinates of each kind of variable."""
+    return {
+        KEYFRAME: [turned] * 3 + [moved] * 3,
+        PLANE: [turned] * 2 + [moved],
+        THICKNESS: [moved],
+        WALL: [moved] * 3,
+        ROOM: [moved] * 2,
+        FLOOR: [moved] * 2,
+    }
 
 
 def _robust(size: int, sigma: float) -> gtsam.noiseModel.Base:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -11,18 +12,31 @@ from slam.concepts import RoomNode, WallNode
 from slam.core import Array, RoomProposal, WallProposal
 from slam.planemap import PlaneMap
 
-
-def room_nodes(
-    rooms: Iterable[RoomProposal], planes: PlaneMap, normals: Array
-) -> dict[int, RoomNode]:
-    """By the proposals' ids; without those of which no plane is in the map. normals: (P, 3) of all
-    planes, by id."""
-    return {room.id: node for room in rooms if (node := _room_node(room, planes, normals))}
+Proposal = TypeVar("Proposal", RoomProposal, WallProposal)
+Node = TypeVar("Node", RoomNode, WallNode)
 
 
-def wall_nodes(walls: Iterable[WallProposal], planes: PlaneMap) -> dict[int, WallNode]:
-    """By the proposals' ids; without those that have lost a plane, or are one plane by now."""
-    return {wall.id: node for wall in walls if (node := _wall_node(wall, planes))}
+class Nodes(Generic[Proposal, Node]):
+    """Nodes by their proposals' ids. One that comes as the very object that it came as last time
+    has the node that it had, while its planes are in the map."""
+
+    def __init__(self, planes: PlaneMap, made: Callable[[Proposal], Node | None]):
+        """made: the node of a proposal; None without the planes that it takes."""
+        self._planes = planes
+        self._made: Callable[[Proposal], Node | None] = made
+        self._known: dict[int, tuple[Proposal, Node]] = {}
+
+    def of(self, proposals: Iterable[Proposal]) -> dict[int, Node]:
+        """All that have one."""
+        known: dict[int, tuple[Proposal, Node]] = {}
+        for proposal in proposals:
+            before, node = self._known.get(proposal.id, (None, None))
+            if before is not proposal or node is None or not self._planes.hold(node.planes):
+                node = self._made(proposal)
+            if node is not None:
+                known[proposal.id] = proposal, node
+        self._known = known
+        return {name: node for name, (_, node) in known.items()}
 
 
 def one_in_a_room(
@@ -41,7 +55,8 @@ def one_in_a_room(
     return pairs
 
 
-def _room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode | None:
+def room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode | None:
+    """None if no plane of it is in the map. normals: (P, 3) of all planes, by id."""
     ids = tuple(dict.fromkeys(piece.plane_id for piece in room.pieces if piece.plane_id in planes))
     if not ids:
         return None
@@ -50,7 +65,8 @@ def _room_node(room: RoomProposal, planes: PlaneMap, normals: Array) -> RoomNode
     return RoomNode(ids, pairs, np.append(room.centre, height), room.storey)
 
 
-def _wall_node(wall: WallProposal, planes: PlaneMap) -> WallNode | None:
+def wall_node(wall: WallProposal, planes: PlaneMap) -> WallNode | None:
+    """None if it has lost a plane, or is one plane by now."""
     first, second = (piece.plane_id for piece in wall.pieces)
     if first == second or first not in planes or second not in planes:
         return None

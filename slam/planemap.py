@@ -5,7 +5,7 @@ Geometry only: the graph holds the estimates, this holds what supports them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +54,10 @@ class PlaneMap:
 
     def __len__(self) -> int:
         return len(self._supports)
+
+    def hold(self, planes: Iterable[int]) -> bool:
+        """Are all of these in the map?"""
+        return all(plane in self._supports for plane in planes)
 
     # --- what is seen ---
 

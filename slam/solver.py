@@ -3,7 +3,7 @@ then."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import gtsam
@@ -27,9 +27,14 @@ def failures() -> Iterator[None]:
 class Solver:
     """What is added or removed counts from the next ``update`` on."""
 
-    def __init__(self, relinearize: float):
+    def __init__(self, relinearize: Mapping[str, Sequence[float]]):
+        """relinearize: by the letter of a kind of variable, the least change of each coordinate at
+        which factors are linearised anew."""
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for letter, change in relinearize.items():
+            thresholds.insert((letter, np.array(change)))
         parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(relinearize)
+        parameters.setRelinearizeThreshold(thresholds)
         parameters.relinearizeSkip = 1
         parameters.setFactorization("QR")
         self._isam = gtsam.ISAM2(parameters)

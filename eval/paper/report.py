@@ -74,7 +74,7 @@ NOTES = (
     "must belong to the room, too; a room of two planes earns half, as in the paper.",
     "Hydra RS and S-Graphs+ are our implementations of what is published, with the published "
     "parameters; 'tuned': with those that find most on generated training buildings "
-    "(`python -m eval.baseline_search`). The paper's numbers stand beside the published ones.",
+    "(`roomloop bench baselines`). The paper's numbers stand beside the published ones.",
     "The worlds are reconstructions from what the paper tells of them. The recordings of its real "
     "scenes are not public: ours are simulated under building-site conditions. So a number here "
     "and the paper's beside it are not of the same scans, and only the rows of one table are.",

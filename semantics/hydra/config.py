@@ -51,7 +51,7 @@ TUNED = HydraConfig(
     ),
     rooms=RoomsConfig(min_component=2, min_room=5),
 )
-"""Best for a 16-beam sensor on generated buildings (``python -m eval.baseline_search``): a room of
+"""Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): a room of
 3 x 4 m has fewer than the published 10 places."""
 
 PRESETS = {"hydra": PUBLISHED_V2, "hydra-v1": PUBLISHED_V1, "hydra-tuned": TUNED}

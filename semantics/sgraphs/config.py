@@ -58,7 +58,7 @@ class SgraphsConfig:
 
 PUBLISHED = SgraphsConfig()
 TUNED = SgraphsConfig(window=20.0, clearance=0.6, votes=5, aligned=0.05, centre=1.5)
-"""Best for a 16-beam sensor on generated buildings (``python -m eval.baseline_search``): a room
+"""Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): a room
 narrower than twice the published clearance, 1.6 m, is a doorway, and the walls of a room are not
 all seen within 1.5 s."""
 

@@ -5,6 +5,7 @@ import pytest
 from slam.core import RunError
 from slam.solver import Solver
 
+PLACE = gtsam.symbol("a", 0)
 ONE = gtsam.noiseModel.Isotropic.Sigma(3, 0.5)
 
 
@@ -13,10 +14,10 @@ def prior(key, place):
 
 
 def solver_of(*priors):
-    solver = Solver(0.01)
-    solver.insert(7, np.zeros(3))
+    solver = Solver({"a": [0.01] * 3})
+    solver.insert(PLACE, np.zeros(3))
     for name, place in priors:
-        solver.add(name, prior(7, place))
+        solver.add(name, prior(PLACE, place))
     return solver
 
 
@@ -24,19 +25,19 @@ def test_factors_count_from_the_next_update_on_and_leave_by_their_names():
     solver = solver_of(("a", [1, 0, 0]), ("b", [3, 0, 0]), ("c", [9, 0, 0]))
     solver.remove("c")  # before it was ever solved with
     solver.update()
-    assert solver.point3(7) == pytest.approx([2.0, 0.0, 0.0])
+    assert solver.point3(PLACE) == pytest.approx([2.0, 0.0, 0.0])
     assert {name for name, _ in solver.factors()} == {"a", "b"}
     solver.remove("a")
-    solver.add("a", prior(7, [5, 0, 0]))  # the same name, another factor
+    solver.add("a", prior(PLACE, [5, 0, 0]))  # the same name, another factor
     solver.update()
-    assert solver.point3(7) == pytest.approx([4.0, 0.0, 0.0])
+    assert solver.point3(PLACE) == pytest.approx([4.0, 0.0, 0.0])
     assert {name for name, _ in solver.factors()} == {"a", "b"}
 
 
 def test_covariances_are_those_of_the_factors():
     solver = solver_of(("a", [1, 0, 0]), ("b", [3, 0, 0]))
     solver.update()
-    assert solver.covariance(7) == pytest.approx(0.125 * np.eye(3))
+    assert solver.covariance(PLACE) == pytest.approx(0.125 * np.eye(3))
 
 
 def test_a_variable_may_be_withdrawn_before_its_update():
