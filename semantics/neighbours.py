@@ -21,7 +21,7 @@ TOUCH = 0.2
 FAR = 1e5
 """Beyond this, everything is as near as anything [m]."""
 
-Pairs = tuple[IntArray, IntArray, Array]
+Gaps = tuple[IntArray, IntArray, Array]
 """Places i < j of the two pieces of each pair, and their distance [m]."""
 
 
@@ -39,7 +39,7 @@ def closest_centres(pieces: Pieces, neighbours: int) -> tuple[IntArray, IntArray
     return pairs // count, pairs % count
 
 
-def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
+def closest_segments(pieces: Pieces, neighbours: int) -> Gaps:
     """Pairs i < j where either is among the other's closest, and their gaps [m].
 
     Closest by the gap in lengths of the other. Looks around each piece, and further only around
@@ -49,7 +49,7 @@ def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
     wanted = min(neighbours, count - 1)
     reach = 0.5 * np.maximum(REACH, REACH_SHARE * length)
     lonely = np.arange(count if wanted > 0 else 0)
-    found: list[Pairs] = []
+    found: list[Gaps] = []
     while len(lonely):
         i, j, gap = _within(pieces.segment, reach, lonely)
         found.append((np.minimum(i, j), np.maximum(i, j), gap))
@@ -63,7 +63,7 @@ def closest_segments(pieces: Pieces, neighbours: int) -> Pairs:
     return i.take(keep), j.take(keep), gap.take(keep)
 
 
-def _within(segment: Array, reach: Array, of: IntArray) -> Pairs:
+def _within(segment: Array, reach: Array, of: IntArray) -> Gaps:
     """Pairs of some with any other that are nearer than the reach of both together, and their gaps;
     of all with all, each pair once."""
     box = boxes(segment, reach)
@@ -77,7 +77,7 @@ def _within(segment: Array, reach: Array, of: IntArray) -> Pairs:
     return i.take(near), j.take(near), gap.take(near)
 
 
-def _once(found: list[Pairs], count: int) -> Pairs:
+def _once(found: list[Gaps], count: int) -> Gaps:
     """All pairs that were found, in order, none twice."""
     if not found:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)

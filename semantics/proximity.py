@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from semantics.lines import crossings, row_dots, turn
-from semantics.neighbours import Pairs, closest_centres, closest_segments
+from semantics.neighbours import Gaps, closest_centres, closest_segments
 from semantics.pieces import Pieces
 from slam.core import Array, InputError, IntArray
 
@@ -42,7 +42,7 @@ class FeatureSet(Protocol):
     node_size: int
     edge_size: int
 
-    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+    def pairs(self, pieces: Pieces, neighbours: int) -> Gaps:
         """Each piece with so many of its closest ones."""
         ...
 
@@ -67,7 +67,7 @@ class PaperFeatures:
     edge_size = 3
     limit = 6.0
 
-    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+    def pairs(self, pieces: Pieces, neighbours: int) -> Gaps:
         """By the distance of the centres; the distance given is that of the extremes."""
         i, j = closest_centres(pieces, neighbours)
         ends_i, ends_j = pieces.segment[i], pieces.segment[j]
@@ -95,7 +95,7 @@ class InvariantFeatures:
     node_size = 2
     edge_size = 16
 
-    def pairs(self, pieces: Pieces, neighbours: int) -> Pairs:
+    def pairs(self, pieces: Pieces, neighbours: int) -> Gaps:
         """By the distance of the segments, the long ones first: what stands about in a room does
         not come between its walls."""
         return closest_segments(pieces, neighbours)
