@@ -45,7 +45,8 @@ class GrowthConfig:
     """step [m]: between keyframes; reach [m]: how far planes are seen; spacing [m]: of the points
     on them; tilt [rad], offset [m]: standard deviations of an observed plane; point_sigma [m];
     turn [rad], slip [m]: of the odometry, per keyframe; gap [m]: between buildings; block: rooms
-    after which the same buildings come again."""
+    after which the same buildings come again; lane [m]: rooms are gone through along y, in lanes so
+    wide."""
 
     step: float = 0.5
     reach: float = 12.0
@@ -57,6 +58,7 @@ class GrowthConfig:
     slip: float = 0.005
     gap: float = 5.0
     block: int = 50
+    lane: float = 6.0
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ def _buildings(
     while (left := config.block - sum(len(truth.rooms) for truth in block)) > 0:
         conditions = np.random.SeedSequence(int(rng.integers(1 << 31)))
         truth = true_world(random_plan(rng), conditions, AS_BUILT)
-        block.append(replace(truth, rooms=truth.rooms[:left]))
+        block.append(replace(truth, rooms=_in_turn(truth.rooms, config)[:left]))
     x = 0.0
     for truth in cycle(block):
         low_x, low_y, high_x, _ = shapely.union_all([r.polygon for r in truth.rooms]).bounds
@@ -164,6 +166,17 @@ def _buildings(
         rooms -= len(truth.rooms)
         if rooms <= 0:
             return
+
+
+def _in_turn(rooms: Sequence[Room], config: GrowthConfig) -> tuple[Room, ...]:
+    """From the least x to the largest, there and back along y, so that no step is long."""
+
+    def place(room: Room) -> tuple[int, float]:
+        x, y = room.polygon.representative_point().coords[0]
+        lane = int(x // config.lane)
+        return lane, y if lane % 2 else -y
+
+    return tuple(sorted(rooms, key=place))
 
 
 def _way(room: Room, T_last: Array | None, origin: Array, config: GrowthConfig) -> Array:

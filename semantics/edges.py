@@ -18,6 +18,11 @@ from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
 
 
+FARTHEST = 30.0
+"""What is further apart is not asked about [m]: where there is little else near a piece, its closest
+ones are in the next building, as far as no network has seen."""
+
+
 @dataclass(frozen=True)
 class Edges:
     """pairs: (P, 2) places of pieces, i < j; room, wall: (P,) calibrated probabilities that they
@@ -51,7 +56,16 @@ class EdgeModel:
         told: dict[str, Array] = {}
         for network in self._networks:
             told.update(zip(network.config.relations, network(graph).T, strict=True))
-        return Edges(graph.pairs, told["same_room"], told["same_wall"])
+        edges = Edges(graph.pairs, told["same_room"], told["same_wall"])
+        return edges.take(_apart(pieces, graph.pairs) < FARTHEST)
+
+
+def _apart(pieces: Pieces, pairs: IntArray) -> Array:
+    """(P,) at least so far are the two pieces of each pair apart [m]."""
+    i, j = pairs.T
+    centre, half = pieces.centre, 0.5 * pieces.length
+    away = centre.take(j, axis=0) - centre.take(i, axis=0)
+    return np.asarray(np.hypot(*away.T) - half.take(i) - half.take(j))
 
 
 @cache

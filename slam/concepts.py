@@ -105,9 +105,11 @@ class Concepts:
         if isinstance(node, RoomNode):
             noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.room_sigma)
             factor = room_factor(key, planes, node.pairs, node.centre, noise)
-            if not known:
+            if known:
+                self._solver.remove((FLOOR, name))
+            else:
                 self._solver.insert(key, node.centre[:2])
-                self._join_floor(name, key, node)
+            self._join_floor(name, key, node)
         else:
             noise = gtsam.noiseModel.Isotropic.Sigma(3, self._config.wall_sigma)
             factor = wall_factor(key, planes, node.centre, noise)
@@ -117,7 +119,8 @@ class Concepts:
         self._held[layer][name] = node
 
     def _join_floor(self, room: int, key: int, node: RoomNode) -> None:
-        """A floor node is tied to its rooms by their relative position when found (S-Graphs+)."""
+        """A floor node is tied to its rooms by their relative position when found (S-Graphs+), or
+        when they came to rest on other planes, which may move them by metres."""
         floor_key, centre = gtsam.symbol(FLOOR, node.storey), node.centre
         floor = self.floor(node.storey)
         if floor is None:
