@@ -17,10 +17,9 @@ from semantics.pieces import Pieces
 from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
 
-
 FARTHEST = 30.0
-"""What is further apart is not asked about [m]: where there is little else near a piece, its closest
-ones are in the next building, as far as no network has seen."""
+"""What is further apart is not asked about [m]: where there is little near a piece, its closest
+ones are in the next building, as far away as no network has seen."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ def aligned(
     T: Array = T_map_base
     moved: Array = np.zeros(6)
     for _ in range(config.iterations):
-        residual, jacobian = _differences(T, rows, normals, d)
+        residual, jacobian = differences(T, rows, normals, d)
         weighted = np.einsum("nij,nj->ni", weights, residual)
         chi2 = np.einsum("ni,ni->n", residual, weighted)
         share = 1.0 / (1.0 + chi2 / config.robust**2)
@@ -50,9 +50,13 @@ def aligned(
     return T
 
 
-def _differences(T: Array, rows: Array, normals: Array, d: Array) -> tuple[Array, Array]:
-    """The residuals of ``keyframe_plane_factor`` (N, 3), and their derivatives (N, 3, 6) by the
-    pose. rows: (N, 3, 3) of the observations; normals (N, 3), d (N,): the planes."""
+def differences(T: Array, rows: Array, normals: Array, d: Array) -> tuple[Array, Array]:
+    """How far planes are from where they are observed: along the observed plane's two tangents
+    [rad], and at its centroid [m] (N, 3); and the derivatives (N, 3, 6) by the pose.
+
+    T: T_map_base (4, 4), which moves by (rotation, translation) on its right; rows: (N, 3, 3) of
+    the observations; normals (N, 3), d (N,): the planes, map frame.
+    """
     n_base = normals @ T[:3, :3]
     residual = np.einsum("nij,nj->ni", rows, n_base)
     residual[:, 2] += d + normals @ T[:3, 3]

@@ -158,7 +158,7 @@ class BackEnd:
         """Makes one plane of two: its observations move, what rested on the other is removed."""
         for kept, gone in pairs:
             for moved in self._planes.merge(kept, gone):
-                self._graph.reassign(moved.keyframe, kept, moved.observation, moved.place)
+                self._graph.observe(moved.keyframe, kept, moved.observation, moved.place)
         if pairs:
             merged = {gone for _, gone in pairs}
             for plane in merged:

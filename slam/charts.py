@@ -8,8 +8,8 @@ here they are independent, and every number means the same for a wall in the nex
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -43,26 +43,34 @@ class Chart:
         a, b, c = self.frame @ normal
         return np.array([-a, -b, -(normal @ self.origin + d)]) / c
 
-    def derivatives(self, x: Array) -> tuple[Array, float, Array, Array]:
-        """Normal (3,), d, and their derivatives (3, 3) and (3,) by a, b, h."""
-        a, b, h = x.tolist()
-        length = math.sqrt(1.0 + a * a + b * b)
-        u, v, w = self.frame
-        n = (w - a * u - b * v) / length
-        d = -float(n @ self.origin) - h / length
-        by_n = np.zeros((3, 3))
-        by_n[:, 0] = (u + n * (a / length)) / -length
-        by_n[:, 1] = (v + n * (b / length)) / -length
-        by_d = np.array([self._along[0], self._along[1], -1.0]) / length
-        by_d[0] -= d * a / length**2
-        by_d[1] -= d * b / length**2
-        return n, d, by_n, by_d
-
-    @cached_property
-    def _along(self) -> tuple[float, float]:
-        """u and v of the origin, seen from the map's."""
-        return float(self.frame[0] @ self.origin), float(self.frame[1] @ self.origin)
-
     def place(self, points: Array) -> Array:
         """(N, 2) u and v of points (N, 3), map frame."""
         return (points - self.origin) @ self.frame[:2].T
+
+
+class Charts:
+    """Several of them, for the planes that one factor is about."""
+
+    def __init__(self, charts: Sequence[Chart]):
+        self._origin = np.array([chart.origin for chart in charts])
+        self._frame = np.array([chart.frame for chart in charts])
+        # u and v of the origins, seen from the map's
+        self._along = np.einsum("nij,nj->ni", self._frame[:, :2], self._origin)
+
+    def planes(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Normals (N, 3), d (N,), and their derivatives (N, 3, 3) and (N, 3) by coordinates a, b, h
+        (N, 3), each in its chart."""
+        tilt, h = x[:, :2], x[:, 2]
+        length = np.sqrt(1.0 + tilt[:, 0] ** 2 + tilt[:, 1] ** 2)
+        across = self._frame[:, :2]
+        n = (self._frame[:, 2] - (tilt[:, None, :] @ across)[:, 0]) / length[:, None]
+        d = -(n * self._origin).sum(axis=1) - h / length
+        share = tilt / length[:, None]
+        by_n = np.zeros((len(x), 3, 3))
+        by_n[:, :, :2] = -(across.transpose(0, 2, 1) + n[:, :, None] * share[:, None, :])
+        by_n /= length[:, None, None]
+        by_d = np.empty((len(x), 3))
+        by_d[:, :2] = self._along - d[:, None] * share
+        by_d[:, 2] = -1.0
+        by_d /= length[:, None]
+        return n, d, by_n, by_d

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import gtsam
 import numpy as np
 
-from slam.charts import Chart
+from slam.alignment import differences
+from slam.charts import Chart, Charts
 from slam.core import Array, PlaneObservation, plane_axes, skew
 
 PlaneKey = tuple[int, Chart]
@@ -21,48 +22,66 @@ PlaneKey = tuple[int, Chart]
 
 Jacobians = list[Array] | None
 Plane = tuple[Array, float, Array, Array]
-"""Normal (3,), d, and their derivatives by the variable (``Chart.derivatives``)."""
+"""Normal (3,), d, and their derivatives (3, 3) and (3,) by the variable."""
 
 
-def plane_of(values: gtsam.Values, plane: PlaneKey) -> Plane:
-    """A plane variable as normal, d, and their derivatives."""
-    key, chart = plane
-    return chart.derivatives(values.atPoint3(key))
+class Planes:
+    """The plane variables of a factor."""
+
+    def __init__(self, planes: Sequence[PlaneKey]):
+        self._keys = [key for key, _ in planes]
+        self._charts = Charts([chart for _, chart in planes])
+
+    def of(self, values: gtsam.Values) -> tuple[Array, Array, Array, Array]:
+        """Normals (N, 3), d (N,) and their derivatives (``Charts.planes``)."""
+        return self._charts.planes(np.array([values.atPoint3(key) for key in self._keys]))
+
+    def each(self, values: gtsam.Values) -> list[Plane]:
+        """One by one."""
+        return list(zip(*self.of(values), strict=True))
 
 
-def keyframe_plane_factor(
+def keyframe_factor(
     pose_key: int,
-    plane: PlaneKey,
-    observation: PlaneObservation,
-    noise: gtsam.noiseModel.Base | None = None,
+    planes: Sequence[PlaneKey],
+    observations: Sequence[PlaneObservation],
+    robust: float,
 ) -> gtsam.CustomFactor:
-    """A keyframe's observation of a mapped plane, three residuals.
+    """What a keyframe observed of mapped planes, three residuals each, in standard deviations.
 
-    The mapped plane's normal in the keyframe along the observed plane's two tangents [rad], and the
-    distance of the observed centroid from the mapped plane [m].
+    The mapped plane's normal in the keyframe along the observed plane's two tangents, and the
+    distance of the observed centroid from the mapped plane. An observation that is off by more
+    than ``robust`` standard deviations counts less (Huber), by itself. All in one factor, since
+    gtsam copies all variables for each factor that it asks in Python.
     """
-    rows = observation.rows
-    turned = skew(rows)  # turned[i] @ n = rows[i] x n
-    if noise is None:
-        noise = gtsam.noiseModel.Gaussian.Covariance(observation.covariance)
+    keys = list(dict.fromkeys(key for key, _ in planes))
+    column = [3 * keys.index(key) for key, _ in planes]
+    variables, count = Planes(planes), len(planes)
+    rows = np.array([observation.rows for observation in observations])
+    information = np.linalg.inv(np.array([o.covariance for o in observations]))
+    whiten = np.linalg.cholesky(information).transpose(0, 2, 1)
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
         T = values.atPose3(pose_key).matrix()
-        n, d, by_n, by_d = plane_of(values, plane)
-        R, t = T[:3, :3], T[:3, 3]
-        n_base = n @ R
-        residual = rows @ n_base
-        residual[2] += d + n @ t
+        n, d, by_n, by_d = variables.of(values)
+        residual, by_pose = differences(T, rows, n, d)
+        white = (whiten @ residual[:, :, None])[:, :, 0]
+        size = np.sqrt((white * white).sum(axis=1))
+        weight = np.sqrt(robust / np.maximum(size, robust))
         if jacobians is not None:
-            by_pose = np.zeros((3, 6))
-            by_pose[:, :3] = turned @ n_base
-            by_pose[2, 3:] = n_base
-            by_plane = (rows @ R.T) @ by_n
-            by_plane[2] += t @ by_n + by_d
-            jacobians[0], jacobians[1] = by_pose, by_plane
-        return residual
+            scale = weight[:, None, None] * whiten
+            by_plane = (rows @ T[:3, :3].T) @ by_n
+            by_plane[:, 2] += T[:3, 3] @ by_n + by_d
+            jacobians[0] = (scale @ by_pose).reshape(-1, 6)
+            each = np.zeros((3 * count, 3 * len(keys)))
+            for place, block in enumerate(scale @ by_plane):
+                each[3 * place : 3 * place + 3, column[place] : column[place] + 3] = block
+            for place in range(len(keys)):
+                jacobians[place + 1] = each[:, 3 * place : 3 * place + 3]
+        return np.asarray((weight[:, None] * white).ravel())
 
-    return gtsam.CustomFactor(noise, [pose_key, plane[0]], error)
+    noise = gtsam.noiseModel.Unit.Create(3 * count)
+    return gtsam.CustomFactor(noise, [pose_key, *keys], error)
 
 
 def plumb_factor(
@@ -100,8 +119,10 @@ def room_factor(
     that is the published formula, but it neither depends on the map's origin nor is it singular.
     """
 
+    variables = Planes(planes)
+
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        seen = [plane_of(values, plane) for plane in planes]
+        seen = variables.each(values)
         residual = values.atPoint2(room_key) - point[:2]
         by_plane = [np.zeros((2, 3)) for _ in seen]
         for i, j in pairs:
@@ -123,8 +144,10 @@ def wall_factor(
 ) -> gtsam.CustomFactor:
     """A wall's middle against its two faces (the paper's wall cost, eq. 7), three residuals [m]."""
 
+    both = Planes(planes)
+
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        first, second = (plane_of(values, plane) for plane in planes)
+        first, second = both.each(values)
         shift, by_first, by_second = middle_shift(first, second, point)
         if jacobians is not None:
             jacobians[0], jacobians[1], jacobians[2] = np.eye(3), -by_first, -by_second
@@ -141,10 +164,10 @@ def parallel_factor(
     axes: (2, 3) two tangents of either plane as it was when the factor was made.
     """
     sign = 1.0 if same else -1.0
+    both = Planes([first, second])
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
-        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        (n1, n2), _d, (by_n1, by_n2), _by_d = both.of(values)
         if jacobians is not None:
             jacobians[0], jacobians[1] = axes @ by_n1, -sign * axes @ by_n2
         return axes @ (n1 - sign * n2)
@@ -156,10 +179,10 @@ def perpendicular_factor(
     first: PlaneKey, second: PlaneKey, noise: gtsam.noiseModel.Base
 ) -> gtsam.CustomFactor:
     """Two planes are perpendicular; one residual, the cosine between them (about radians)."""
+    both = Planes([first, second])
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        n1, _d1, by_n1, _by_d1 = plane_of(values, first)
-        n2, _d2, by_n2, _by_d2 = plane_of(values, second)
+        (n1, n2), _d, (by_n1, by_n2), _by_d = both.of(values)
         if jacobians is not None:
             jacobians[0], jacobians[1] = (n2 @ by_n1)[None], (n1 @ by_n2)[None]
         return np.array([n1 @ n2])
@@ -176,10 +199,10 @@ def thickness_factor(
 ) -> gtsam.CustomFactor:
     """A wall between two faces that look away from each other is as thick as a scalar variable
     says; one residual [m]. point: (3,) between the faces, where the thickness is taken."""
+    both = Planes([first, second])
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        n1, d1, by_n1, by_d1 = plane_of(values, first)
-        n2, d2, by_n2, by_d2 = plane_of(values, second)
+        (n1, n2), (d1, d2), (by_n1, by_n2), (by_d1, by_d2) = both.of(values)
         if jacobians is not None:
             jacobians[0] = -(point @ by_n1 + by_d1)[None]
             jacobians[1] = -(point @ by_n2 + by_d2)[None]

@@ -15,7 +15,6 @@ from slam.core import Array, PlaneObservation, RunError, plane_axes
 from slam.estimates import Estimates
 from slam.factors import (
     PlaneKey,
-    keyframe_plane_factor,
     parallel_factor,
     perpendicular_factor,
     plumb_factor,
@@ -23,6 +22,7 @@ from slam.factors import (
 )
 from slam.loops import Loop
 from slam.relations import Relation, RelationConfig
+from slam.sightings import SIGHTING, Sightings
 from slam.solver import Solver, failures
 
 KEYFRAME, PLANE, THICKNESS = "x", "p", "t"
@@ -66,7 +66,7 @@ class ChiSquare:
 
 KINDS = {
     "odometry": "odometry",
-    "plane": "planes",
+    SIGHTING: "planes",
     "plumb": "plumb",
     "loop": "loops",
     ROOM: "rooms",
@@ -88,6 +88,7 @@ class LayeredGraph:
         self._config = config
         self._solver = Solver(_thresholds(config.turned, config.moved))
         self._concepts = Concepts(self._solver, self._plane, config.concepts)
+        self._sightings = Sightings(self._solver, _keyframe_key, self._plane, config.robust)
         self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
@@ -98,7 +99,7 @@ class LayeredGraph:
 
     def add_keyframe(self, keyframe: int, T_map_base: Array, T_previous: Array | None) -> None:
         """A keyframe at ``T_map_base``. T_previous: from the last one by odometry (first: None)."""
-        key = gtsam.symbol(KEYFRAME, keyframe)
+        key = _keyframe_key(keyframe)
         self._solver.insert(key, gtsam.Pose3(T_map_base))
         if T_previous is None:
             noise = gtsam.noiseModel.Isotropic.Sigma(6, self._config.anchor_sigma)
@@ -107,7 +108,7 @@ class LayeredGraph:
             )
         else:
             factor = gtsam.BetweenFactorPose3(
-                gtsam.symbol(KEYFRAME, keyframe - 1), key, gtsam.Pose3(T_previous), self._odometry()
+                _keyframe_key(keyframe - 1), key, gtsam.Pose3(T_previous), self._odometry()
             )
         self._solver.add(("odometry", keyframe), factor)
         self._recent = [*self._recent[1 - self._config.recent :], set()]
@@ -120,8 +121,10 @@ class LayeredGraph:
 
     def set_upright(self, keyframe: int, plumb: Array, up: Array) -> None:
         """A keyframe saw which way walls are plumb, (3,) in its frame; up: that in the map."""
-        noise = self._huber(gtsam.noiseModel.Isotropic.Sigma(2, self._config.plumb))
-        factor = plumb_factor(gtsam.symbol(KEYFRAME, keyframe), plumb, up, noise)
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._config.robust)
+        sigma = gtsam.noiseModel.Isotropic.Sigma(2, self._config.plumb)
+        noise = gtsam.noiseModel.Robust.Create(huber, sigma)
+        factor = plumb_factor(_keyframe_key(keyframe), plumb, up, noise)
         self._solver.add(("plumb", keyframe), factor)
 
     def add_plane(self, normal: Array, d: float, place: Array) -> int:
@@ -137,34 +140,20 @@ class LayeredGraph:
         return gtsam.symbol(PLANE, plane), self.estimates.chart(plane)
 
     def observe(self, keyframe: int, plane: int, observation: PlaneObservation, place: int) -> None:
-        """Observation number ``place`` of a keyframe is of ``plane``."""
-        key = gtsam.symbol(KEYFRAME, keyframe)
-        noise = self._huber(gtsam.noiseModel.Gaussian.Covariance(observation.covariance))
-        factor = keyframe_plane_factor(key, self._plane(plane), observation, noise)
-        self._solver.add(("plane", keyframe, place), factor)
-
-    def _huber(self, noise: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:
-        """What is far off counts less."""
-        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._config.robust)
-        return gtsam.noiseModel.Robust.Create(huber, noise)
-
-    def reassign(
-        self, keyframe: int, plane: int, observation: PlaneObservation, place: int
-    ) -> None:
-        """The observation is of another plane than was thought."""
-        self._solver.remove(("plane", keyframe, place))
-        self.observe(keyframe, plane, observation, place)
+        """Observation number ``place`` of a keyframe is of a plane, whatever was thought."""
+        self._touched.add(plane)
+        self._sightings.observe(keyframe, plane, observation, place)
 
     def forget(self, keyframe: int, place: int) -> None:
         """The observation is of nothing."""
-        self._solver.remove(("plane", keyframe, place))
+        self._sightings.forget(keyframe, place)
 
     def close_loop(self, loop: Loop, rotation: float, translation: float) -> None:
         """A later keyframe was found to be where an earlier one was. rotation [rad], translation
         [m]: standard deviations; a closure that nothing else agrees with counts little (Cauchy)."""
         sigmas = np.array([rotation] * 3 + [translation] * 3)
         noise = _cauchy(gtsam.noiseModel.Diagonal.Sigmas(sigmas))
-        earlier, later = (gtsam.symbol(KEYFRAME, k) for k in (loop.earlier, loop.later))
+        earlier, later = (_keyframe_key(k) for k in (loop.earlier, loop.later))
         T = gtsam.Pose3(loop.T_earlier_later)
         factor = gtsam.BetweenFactorPose3(earlier, later, T, noise)
         self._solver.add(("loop", loop.earlier, loop.later), factor)
@@ -227,6 +216,7 @@ class LayeredGraph:
         Reads the estimates of what is near, or of the ``whole`` map. Raises RunError when gtsam
         cannot solve it; the estimates stay those of the last success.
         """
+        self._sightings.settle()
         self._solver.update(extra_iterations)
         with failures():
             self._read(whole or extra_iterations > 0)
@@ -243,7 +233,7 @@ class LayeredGraph:
             return
         before = self.estimates.poses[first, :3, 3].copy()
         for keyframe in range(first, count):
-            self.estimates.poses[keyframe] = self._solver.pose(gtsam.symbol(KEYFRAME, keyframe))
+            self.estimates.poses[keyframe] = self._solver.pose(_keyframe_key(keyframe))
         for plane in set().union(*self._recent):
             if self.estimates.alive[plane]:
                 x = self._solver.point3(gtsam.symbol(PLANE, plane))
@@ -276,7 +266,7 @@ class LayeredGraph:
 
     def keyframe_covariance(self, keyframe: int) -> Array:
         """(6, 6) of a keyframe's pose, turn [rad] then shift [m], in its own axes."""
-        return self._solver.covariance(gtsam.symbol(KEYFRAME, keyframe))
+        return self._solver.covariance(_keyframe_key(keyframe))
 
     def plane_covariance(self, plane: int) -> Array:
         """(3, 3) of a plane's coordinates in its chart."""
@@ -296,6 +286,10 @@ class LayeredGraph:
     def variable_count(self) -> int:
         """How many variables the solver holds."""
         return self._solver.variable_count()
+
+
+def _keyframe_key(keyframe: int) -> int:
+    return int(gtsam.symbol(KEYFRAME, keyframe))
 
 
 def _thresholds(turned: float, moved: float) -> dict[str, list[float]]:

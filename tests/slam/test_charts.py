@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from slam.charts import Chart
+from slam.charts import Chart, Charts
 from slam.core import InputError, plane_axes
 
 
@@ -33,17 +33,19 @@ def test_the_numbers_are_heights_over_the_chart():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_derivatives_are_those_of_the_plane(seed):
+def test_planes_of_several_charts_and_their_derivatives(seed):
     rng = np.random.default_rng(seed)
-    chart = Chart.at(rng.normal(0.0, 5.0, 3), direction(rng))
-    x = rng.normal(0.0, 0.2, 3)
-    _, _, by_n, by_d = chart.derivatives(x)
-    for k in range(3):
-        step = np.zeros(3)
-        step[k] = 1e-6
-        (n1, d1), (n0, d0) = chart.plane(x + step), chart.plane(x - step)
-        assert by_n[:, k] == pytest.approx((n1 - n0) / 2e-6, abs=1e-7)
-        assert by_d[k] == pytest.approx((d1 - d0) / 2e-6, abs=1e-6)
+    charts = [Chart.at(rng.normal(0.0, 5.0, 3), direction(rng)) for _ in range(3)]
+    x = rng.normal(0.0, 0.2, (3, 3))
+    n, d, by_n, by_d = Charts(charts).planes(x)
+    for place, chart in enumerate(charts):
+        normal, offset = chart.plane(x[place])
+        assert n[place] == pytest.approx(normal, abs=1e-12)
+        assert d[place] == pytest.approx(offset, abs=1e-12)
+        for k, step in enumerate(1e-6 * np.eye(3)):
+            (n1, d1), (n0, d0) = chart.plane(x[place] + step), chart.plane(x[place] - step)
+            assert by_n[place, :, k] == pytest.approx((n1 - n0) / 2e-6, abs=1e-7)
+            assert by_d[place, k] == pytest.approx((d1 - d0) / 2e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize("normal", [np.zeros(3), np.array([np.nan, 0, 1]), np.array([1.0, 1, 0])])

@@ -5,7 +5,7 @@ import pytest
 from slam.charts import Chart
 from slam.core import PlaneObservation, pose, so3_exp, transform_plane
 from slam.factors import (
-    keyframe_plane_factor,
+    keyframe_factor,
     parallel_factor,
     perpendicular_factor,
     plumb_factor,
@@ -79,25 +79,51 @@ def random_direction(rng):
     return n / np.linalg.norm(n)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_keyframe_plane_jacobians(seed):
-    rng = np.random.default_rng(seed)
-    values = gtsam.Values()
-    values.insert(POSE, gtsam.Pose3(pose(so3_exp(rng.normal(size=3)), rng.normal(size=3))))
-    plane = add_plane(values, PLANES[0], random_direction(rng), rng.normal(), rng)
-    factor = keyframe_plane_factor(POSE, plane, observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]))
-    check_jacobians(factor, values)
-
-
-def test_keyframe_plane_error_is_zero_for_the_true_plane_and_metric_beside_it():
-    T = pose(so3_exp(np.array([0.01, -0.02, 1.0])), np.array([2.0, 1.0, 0.0]))
-    seen = observation([0.0, 1.0, 0.0], 2.0, [0.5, -2.0, 0.3])
-    normal, d = transform_plane(T, seen.normal, seen.d)
+def values_with_pose(T):
     values = gtsam.Values()
     values.insert(POSE, gtsam.Pose3(T))
-    plane = add_plane(values, PLANES[0], normal, d + 0.05)
-    error = keyframe_plane_factor(POSE, plane, seen).unwhitenedError(values)
-    assert error == pytest.approx([0.0, 0.0, 0.05], abs=1e-9)
+    return values
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_keyframe_jacobians(seed):
+    """Of three observations, two of them of one plane."""
+    rng = np.random.default_rng(seed)
+    values = values_with_pose(pose(so3_exp(rng.normal(size=3)), rng.normal(size=3)))
+    first, second = (
+        add_plane(values, key, random_direction(rng), rng.normal(), rng) for key in PLANES[:2]
+    )
+    seen = [
+        observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]),
+        observation([1, 0, 0], -3.0, [3.0, 0.5, 0.2]),
+        observation([0, 1, 0], -2.1, [1.3, 2.1, 0.4]),
+    ]
+    check_jacobians(keyframe_factor(POSE, [first, second, first], seen, 1e6), values)
+
+
+def off_by(shift, robust=1e6):
+    """The error of an observation whose plane is so far off [m], and of one that fits."""
+    T = pose(so3_exp(np.array([0.01, -0.02, 1.0])), np.array([2.0, 1.0, 0.0]))
+    values = values_with_pose(T)
+    planes, seen = [], []
+    for key, direction, far in ((PLANES[0], [0.0, 1.0, 0.0], shift), (PLANES[1], [1.0, 0, 0], 0.0)):
+        seen.append(observation(direction, 2.0, [-2.0, -2.0, 0.3]))
+        normal, d = transform_plane(T, seen[-1].normal, seen[-1].d)
+        planes.append(add_plane(values, key, normal, d + far))
+    factor = keyframe_factor(POSE, planes, seen, robust)
+    return factor.unwhitenedError(values), factor.linearize(values).jacobian()[0]
+
+
+def test_keyframe_errors_are_in_standard_deviations_and_zero_for_the_true_plane():
+    error, _ = off_by(0.05)
+    assert error == pytest.approx([0.0, 0.0, 0.5, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_an_observation_that_is_far_off_counts_less_by_itself():
+    (error, jacobian), (_, near) = off_by(0.8, robust=2.0), off_by(0.8)
+    assert error == pytest.approx([0.0, 0.0, 8.0 * 0.5, 0.0, 0.0, 0.0], abs=1e-9)
+    assert jacobian[:3] == pytest.approx(0.5 * near[:3])
+    assert jacobian[3:] == pytest.approx(near[3:])
 
 
 @pytest.mark.parametrize("seed", range(3))
