@@ -25,18 +25,26 @@ class Nodes(Generic[Proposal, Node]):
         self._planes = planes
         self._made: Callable[[Proposal], Node | None] = made
         self._known: dict[int, tuple[Proposal, Node]] = {}
+        self._lost = 0
 
     def of(self, proposals: Iterable[Proposal]) -> dict[int, Node]:
         """All that have one."""
         known: dict[int, tuple[Proposal, Node]] = {}
+        whole, self._lost = self._planes.lost == self._lost, self._planes.lost
         for proposal in proposals:
-            before, node = self._known.get(proposal.id, (None, None))
-            if before is not proposal or node is None or not self._planes.hold(node.planes):
-                node = self._made(proposal)
+            node = self._kept(proposal, whole) or self._made(proposal)
             if node is not None:
                 known[proposal.id] = proposal, node
         self._known = known
         return {name: node for name, (_, node) in known.items()}
+
+    def _kept(self, proposal: Proposal, whole: bool) -> Node | None:
+        """The node that it had. whole: the map has lost no plane since."""
+        before = self._known.get(proposal.id)
+        if before is None or before[0] is not proposal:
+            return None
+        node = before[1]
+        return node if whole or self._planes.hold(node.planes) else None
 
 
 def one_in_a_room(

@@ -48,6 +48,7 @@ class PlaneMap:
         self._likeness = Likeness(estimates, self._supports, self._views, config.association)
         self._of_keyframe: dict[int, set[int]] = {}
         self._unchecked: set[int] = set()
+        self._lost = 0
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._supports)
@@ -58,6 +59,11 @@ class PlaneMap:
     def hold(self, planes: Iterable[int]) -> bool:
         """Are all of these in the map?"""
         return all(plane in self._supports for plane in planes)
+
+    @property
+    def lost(self) -> int:
+        """How many planes have been merged or dropped so far."""
+        return self._lost
 
     # --- what is seen ---
 
@@ -117,6 +123,7 @@ class PlaneMap:
 
     def merge(self, kept: int, gone: int) -> list[Observed]:
         """Moves all support of ``gone`` to ``kept``; returns the observations that moved."""
+        self._lost += 1
         into, out = self._supports[kept], self._supports.pop(gone)
         chart = self._estimates.chart(kept)
         into.absorb(out, chart.place(self._views.pop(gone).points))
@@ -146,6 +153,7 @@ class PlaneMap:
 
     def drop(self, plane: int) -> Observed:
         """Forgets a plane that was observed once; returns the observation."""
+        self._lost += 1
         self._views.pop(plane)
         self._unchecked.discard(plane)
         return self._supports.pop(plane).observed[0]

@@ -15,7 +15,7 @@ class Held:
     """A map that says which planes it has."""
 
     def __init__(self, planes):
-        self.planes = planes
+        self.planes, self.lost = planes, 0
 
     def hold(self, planes):
         return self.planes.issuperset(planes)
@@ -35,6 +35,6 @@ def test_a_proposal_that_comes_again_has_its_node_while_its_planes_are_there():
     assert nodes.of([wall])[7] is first[7]
     assert len(made) == 1
     assert nodes.of([WallProposal(7, faces, 0.9)])[7] is not first[7]
-    held.planes = {1}
+    held.planes, held.lost = {1}, 1
     assert nodes.of([wall]) == {}
     assert nodes.of([]) == {}
