@@ -323,6 +323,8 @@ ROOT = Path(__file__).parents[2]
 
 
 def started(*arguments: str, folder: Path) -> subprocess.Popen[str]:
+    """Stopped by SIGINT as at a terminal, also where the tests run in the background, whose
+    processes ignore it."""
     return subprocess.Popen(
         [sys.executable, "-m", "eval.cli", *arguments],
         cwd=folder,
@@ -330,6 +332,7 @@ def started(*arguments: str, folder: Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
 
 
