@@ -65,17 +65,18 @@ class GrowthConfig:
 class Growth:
     """One entry a keyframe (N,): rooms begun so far, milliseconds (of the processor, so that a busy
     machine does not count) of the back end and of the detector, planes in the map, and memory of
-    the process [MB]."""
+    the process [MB]. block: rooms after which the same ones came again."""
 
     rooms: Array
     graph_ms: Array
     detector_ms: Array
     planes: Array
     rss_mb: Array
+    block: int
 
-    def blocks(self, block: int = GrowthConfig.block) -> list[Block]:
+    def blocks(self) -> list[Block]:
         """Medians of each block of rooms, and the map's size and memory after it."""
-        number = np.maximum(self.rooms - 1, 0).astype(np.int64) // block
+        number = np.maximum(self.rooms - 1, 0).astype(np.int64) // self.block
         found = []
         for place in np.unique(number):
             of = np.flatnonzero(number == place)
@@ -126,7 +127,8 @@ def growth(
         rows.append((begun, 1e3 * graph_s, 1e3 * detector_s, mapper.plane_count, _rss_mb()))
         if progress is not None:
             progress(begun, rooms)
-    return Growth(*np.array(rows).T)
+    begun_by, graph_ms, detector_ms, planes, rss_mb = np.array(rows).T
+    return Growth(begun_by, graph_ms, detector_ms, planes, rss_mb, config.block)
 
 
 def observations(

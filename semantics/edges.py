@@ -18,8 +18,8 @@ from semantics.proximity import features_named, proximity_graph
 from slam.core import Array, InputError, IntArray
 
 FARTHEST = 30.0
-"""What is further apart is not asked about [m]: where there is little near a piece, its closest
-ones are in the next building, as far away as no network has seen."""
+"""Answers about pairs that are further apart are dropped [m]. Where there is little near a piece,
+its closest ones are in the next building, and hardly any pair of a training set is so far apart."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class LocalEdges:
         return asked, np.flatnonzero(shown | asked)
 
     def _partners(self, before: IntArray, asked: NDArray[np.bool_]) -> IntArray:
-        """Pieces that had an edge with one of those asked for, however far away."""
+        """Pieces that had an edge with one of those asked for, near or not."""
         pairs, _ = self._left(before)
         return pairs[asked[pairs[:, 0]] | asked[pairs[:, 1]]].ravel()
 

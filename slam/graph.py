@@ -35,11 +35,12 @@ class GraphConfig:
     odometry_*: of KISS-ICP per keyframe step of about half a metre; the level directions drift less
     than height and tilt, which 16 beams hardly see. anchor_*: the first keyframe defines the map.
     plumb: of the direction of plumb walls, however many a sweep sees; robust: an observation of a
-    plane that is off by more standard deviations counts less (Huber),
-    such as of a sweep whose motion was wrong. turned [rad], moved [m]: change of a variable from
-    which its factors are linearised anew; they are all but linear in the places. recent: keyframes
-    whose estimates are read after every update; shift [m]: change of the oldest of them that has
-    everything read; share: of the keyframes, after which everything is read anyway.
+    plane that is off by more standard deviations counts less (Huber), such as of a sweep whose
+    motion was wrong. turned [rad], moved [m]: change of a keyframe or plane from which its factors
+    are linearised anew, and robust ones weighed anew, which is why moved is no larger; far [m]: of
+    a room, wall or floor, whose factors are all but linear. recent: keyframes whose estimates are
+    read after every update; shift [m]: change of the oldest of them that has everything read;
+    share: of the keyframes, after which everything is read anyway.
     """
 
     odometry_rotation: tuple[float, float, float] = (0.012, 0.012, 0.012)
@@ -48,7 +49,8 @@ class GraphConfig:
     plumb: float = np.radians(0.3)
     robust: float = 2.0
     turned: float = 0.005
-    moved: float = 0.05
+    moved: float = 0.01
+    far: float = 0.05
     recent: int = 12
     shift: float = 0.01
     share: float = 0.1
@@ -86,9 +88,9 @@ class LayeredGraph:
 
     def __init__(self, config: GraphConfig = GraphConfig()):
         self._config = config
-        self._solver = Solver(_thresholds(config.turned, config.moved))
+        self._solver = Solver(_thresholds(config))
         self._concepts = Concepts(self._solver, self._plane, config.concepts)
-        self._sightings = Sightings(self._solver, _keyframe_key, self._plane, config.robust)
+        self._sightings = Sightings(self._solver, _keyframe_key, self._plane_key, config.robust)
         self._relations: set[Relation] = set()
         self._touched: set[int] = set()
         self._recent: list[set[int]] = []
@@ -136,7 +138,11 @@ class LayeredGraph:
         return plane
 
     def _plane(self, plane: int) -> PlaneKey:
+        """One that is worth reading after the next update."""
         self._touched.add(plane)
+        return self._plane_key(plane)
+
+    def _plane_key(self, plane: int) -> PlaneKey:
         return gtsam.symbol(PLANE, plane), self.estimates.chart(plane)
 
     def observe(self, keyframe: int, plane: int, observation: PlaneObservation, place: int) -> None:
@@ -273,7 +279,7 @@ class LayeredGraph:
         return self._solver.covariance(gtsam.symbol(PLANE, plane))
 
     def chi_squares(self) -> dict[str, ChiSquare]:
-        """By type of factor, at the last estimate; of a robust one what it makes of it."""
+        """By type of factor, at the last estimate; what is far off as much as it counts."""
         values = self._solver.values()
         sums: dict[str, list[float]] = {}
         for name, factor in self._solver.factors():
@@ -292,15 +298,16 @@ def _keyframe_key(keyframe: int) -> int:
     return int(gtsam.symbol(KEYFRAME, keyframe))
 
 
-def _thresholds(turned: float, moved: float) -> dict[str, list[float]]:
+def _thresholds(config: GraphConfig) -> dict[str, list[float]]:
     """Of the coordinates of each kind of variable."""
+    turned, moved, far = config.turned, config.moved, config.far
     return {
         KEYFRAME: [turned] * 3 + [moved] * 3,
         PLANE: [turned] * 2 + [moved],
         THICKNESS: [moved],
-        WALL: [moved] * 3,
-        ROOM: [moved] * 2,
-        FLOOR: [moved] * 2,
+        WALL: [far] * 3,
+        ROOM: [far] * 2,
+        FLOOR: [far] * 2,
     }
 
 

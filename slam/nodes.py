@@ -44,7 +44,7 @@ class Nodes(Generic[Proposal, Node]):
         if before is None or before[0] is not proposal:
             return None
         node = before[1]
-        return node if whole or self._planes.hold(node.planes) else None
+        return node if whole or all(plane in self._planes for plane in node.planes) else None
 
 
 def one_in_a_room(

@@ -5,7 +5,7 @@ Geometry only: the graph holds the estimates, this holds what supports them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,9 +56,8 @@ class PlaneMap:
     def __len__(self) -> int:
         return len(self._supports)
 
-    def hold(self, planes: Iterable[int]) -> bool:
-        """Are all of these in the map?"""
-        return all(plane in self._supports for plane in planes)
+    def __contains__(self, plane: object) -> bool:
+        return plane in self._supports
 
     @property
     def lost(self) -> int:

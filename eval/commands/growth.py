@@ -42,12 +42,14 @@ def growth(
     from rich.console import Console
     from rich.table import Table
 
+    from eval.growth import GrowthConfig
     from eval.growth import growth as measure
     from eval.screen import RunProgress
     from semantics.detector import make_detector
 
-    if rooms < 100:
-        raise typer.BadParameter(f"rooms: expected 100 or more, got {rooms}")
+    of = GrowthConfig.block
+    if rooms < 2 * of or rooms % of:
+        raise typer.BadParameter(f"rooms: expected {2 * of}, {3 * of} and so on, got {rooms}")
     with RunProgress("growth", Console(stderr=True), "rooms") as progress:
         found = measure(rooms, seed, detector=make_detector("gnn"), progress=progress)
     blocks = found.blocks()

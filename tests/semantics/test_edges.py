@@ -5,7 +5,7 @@ import pytest
 from houses import around, plane
 
 from semantics.detector import CONSERVATIVE, WEIGHTS
-from semantics.edges import EdgeModel, LocalEdges
+from semantics.edges import FARTHEST, EdgeModel, LocalEdges
 from semantics.network import Checkpoint, EdgeClassifier, NetworkConfig, save
 from semantics.preprocess import Preprocessor
 from slam.core import InputError
@@ -49,6 +49,21 @@ def test_nothing_changed_nothing_asked(model):
     first = told(local(pieces))
     local._model = None
     assert told(local(pieces)) == first
+
+
+def test_a_building_far_away_is_not_part_of_this_one(model):
+    """Where there are few pieces, the closest ones are there; what is far is not answered for."""
+    here = rooms(1)
+    far = FARTHEST + 10.0
+    there = [
+        plane(len(here) + name, wall + np.array([far, 0.0]), spacing=0.2)
+        for name, wall in enumerate(np.array(around(0.0, 0.0, 5.0, 4.0)))
+    ]
+    pieces = Preprocessor()([*here, *there])
+    pairs = model(pieces).pairs
+    across = (pieces.plane_id[pairs] < len(here)).sum(axis=1) == 1
+    assert len(pairs) == 12
+    assert not across.any()
 
 
 def test_around_a_change_the_answer_is_nearly_that_of_a_look_at_everything(model):

@@ -51,6 +51,8 @@ def test_storeys_above_one_another_are_found_alike() -> None:
     assert len({wall.id for wall in found.walls}) == len(found.walls) == 6
     again = detector.update(_stacked())
     assert [room.id for room in again.rooms] == ids
+    assert all(a is b for a, b in zip(found.rooms, again.rooms, strict=True))
+    assert all(a is b for a, b in zip(found.walls, again.walls, strict=True))
 
 
 def test_one_map_of_both_would_confuse_them() -> None:

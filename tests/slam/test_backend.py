@@ -6,6 +6,7 @@ import pytest
 from synthetic import base_pose, box_planes, in_base, scan_box
 
 from slam.backend import BackEnd, BackEndConfig
+from slam.concepts import RoomNode
 from slam.core import (
     Frame,
     InputError,
@@ -132,6 +133,27 @@ def test_rooms_and_walls_enter_the_graph_and_leave_it(frames):
     backend.optimise()
     assert graph.concept_planes("r") == graph.concept_planes("w") == {}
     assert graph.variable_count() == size - 2
+
+
+def test_a_room_that_rests_on_other_planes_is_tied_to_the_floor_where_it_is_now():
+    graph = LayeredGraph()
+    graph.add_keyframe(0, np.eye(4), None)
+    planes = []
+    for place, (normal, d) in enumerate(BOX[:4]):
+        covariance = np.diag([1e-4, 1e-4, 1e-4])
+        points = np.zeros((0, 3), np.float32)
+        middle = np.array([3.0, 2.0, 1.0])
+        foot = middle - (normal @ middle + d) * normal
+        seen = PlaneObservation(normal, d, foot, covariance, points, np.zeros(0, np.int64))
+        planes.append(graph.add_plane(normal, d, foot))
+        graph.observe(0, planes[-1], seen, place)
+    along, whole = ((0, 1),), ((0, 1), (2, 3))
+    graph.set_concepts({0: RoomNode(tuple(planes), whole, np.array([3.0, 2.0, 1.0]))}, {})
+    graph.optimise(whole=True)
+    graph.set_concepts({0: RoomNode(tuple(planes[:2]), along, np.array([3.0, 40.0, 1.0]))}, {})
+    graph.optimise(whole=True)
+    assert graph.chi_squares()["floors"].chi2 == pytest.approx(0.0, abs=1e-9)
+    assert graph.chi_squares()["floors"].residuals == 4
 
 
 def test_each_storey_has_a_floor(frames):

@@ -17,8 +17,8 @@ class Held:
     def __init__(self, planes):
         self.planes, self.lost = planes, 0
 
-    def hold(self, planes):
-        return self.planes.issuperset(planes)
+    def __contains__(self, plane):
+        return plane in self.planes
 
 
 def test_a_proposal_that_comes_again_has_its_node_while_its_planes_are_there():
@@ -26,7 +26,7 @@ def test_a_proposal_that_comes_again_has_its_node_while_its_planes_are_there():
 
     def node(proposal):
         made.append(proposal)
-        return WallNode((1, 2), np.zeros(3)) if held.hold((1, 2)) else None
+        return WallNode((1, 2), np.zeros(3)) if held.planes >= {1, 2} else None
 
     nodes = Nodes(held, node)
     faces = tuple(PlanePiece(plane, np.array([[0.0, 0.0], [2.0, 0.0]])) for plane in (1, 2))
@@ -35,6 +35,8 @@ def test_a_proposal_that_comes_again_has_its_node_while_its_planes_are_there():
     assert nodes.of([wall])[7] is first[7]
     assert len(made) == 1
     assert nodes.of([WallProposal(7, faces, 0.9)])[7] is not first[7]
-    held.planes, held.lost = {1}, 1
+    first, held.lost = nodes.of([wall]), 1  # another plane
+    assert nodes.of([wall])[7] is first[7]
+    held.planes, held.lost = {1}, 2
     assert nodes.of([wall]) == {}
     assert nodes.of([]) == {}
