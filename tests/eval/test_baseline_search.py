@@ -18,6 +18,7 @@ from eval.baseline_search import (
     tally,
     value_at,
 )
+from eval.cli import main
 from semantics.hydra.config import PUBLISHED_V2, HydraConfig
 from semantics.sgraphs.config import PUBLISHED
 from slam.core import MapView, Proposals, RoomProposal
@@ -107,3 +108,18 @@ def test_a_building_is_driven_once_and_asked_often(tmp_path: Path, monkeypatch) 
     assert {piece.plane_id for room in rooms.rooms for piece in room.pieces} <= {
         plane.id for plane in drive.views[-1].planes
     }
+
+
+def test_the_command_knows_two_methods(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def found(methods: tuple[str, ...], cache: Path) -> list[str]:
+        return [f"{','.join(methods)} in {cache.name}\n"]
+
+    monkeypatch.setattr("eval.baseline_search.searches", found)
+    line = ["bench", "baselines", "--cache", str(tmp_path / "drives")]
+    assert main(line) == 0
+    assert main([*line, "--only", "sgraphs"]) == 0
+    assert capsys.readouterr().out == "hydra,sgraphs in drives\nsgraphs in drives\n"
+    assert main([*line, "--only", "hydr"]) == 2
+    assert "expected one of: hydra, sgraphs" in capsys.readouterr().err
