@@ -41,7 +41,7 @@ AFTER_THE_FRONT_END = {
 CODE = (
     *("worlds", "sim"),
     *("slam.core", "slam.geometry", "slam.odometry"),
-    *("slam.tracking", "slam.correspondence", "slam.localplanes"),
+    *("slam.tracking", "slam.correspondence", "slam.localplanes", "slam.plumb"),
     *("slam.extraction", "slam.frontend"),
     *("slam.kiss", "slam.vgicp", "eval.registered"),
     *("eval.labels", "eval.seen", "eval.steps", "eval.artefact", "eval.source"),

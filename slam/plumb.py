@@ -8,10 +8,13 @@ from slam.core import Array
 
 FIRST = 5
 """Keyframes that tell it; later ones are compared with them."""
+LEVEL = np.radians(2.0)
+"""A frame is that of a base which stood level. What leans more in it, while nothing else is known,
+is no wall: sheets that lean in a row, say."""
 
 
 class Up:
-    """The direction in which plumb walls run in some frame."""
+    """The direction in which plumb walls run in a frame whose z is about that."""
 
     def __init__(self) -> None:
         self._seen: list[Array] = []
@@ -20,7 +23,9 @@ class Up:
         """(3,) unit, in the frame; None to the first keyframes, which tell it. plumb: what one saw
         from a pose (4, 4), see ``KeyframeScan``."""
         if len(self._seen) < FIRST:
-            self._seen.append(T_frame_base[:3, :3] @ plumb)
+            seen = T_frame_base[:3, :3] @ plumb
+            if seen[2] > np.cos(LEVEL):
+                self._seen.append(seen)
             return None
         up = np.mean(self._seen, axis=0)
         return np.asarray(up / np.linalg.norm(up))

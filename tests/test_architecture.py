@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from eval.artefact import CODE
 from eval.sweep.job import AROUND_THE_RUN
 
 ROOT = Path(__file__).parents[1]
@@ -68,14 +69,30 @@ def test_leaves_import_numpy_and_each_other_only(leaf: str) -> None:
     assert outside <= {"numpy"}
 
 
-def test_a_result_is_named_by_every_module_that_computes_it() -> None:
-    reached, waiting = set(), ["eval.run"]
+def reached_from(start: str) -> set[str]:
+    """The project's modules that one imports, and those that they import."""
+    reached: set[str] = set()
+    waiting = [start]
     while waiting:
         module = waiting.pop()
-        path = ROOT / f"{module.replace('.', '/')}.py"
+        path = ROOT / module.replace(".", "/")
+        path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
         if module not in reached and path.exists():
             reached.add(module)
             waiting += imported(path)
+    return reached
+
+
+def test_a_front_end_is_named_by_every_module_that_makes_it() -> None:
+    def named(module: str) -> bool:
+        return any(module == part or module.startswith(f"{part}.") for part in CODE)
+
+    assert "slam.tracking" in reached_from("slam.frontend")
+    assert not {module for module in reached_from("slam.frontend") if not named(module)}
+
+
+def test_a_result_is_named_by_every_module_that_computes_it() -> None:
+    reached = reached_from("eval.run")
     of_eval = {module.removeprefix("eval.") for module in reached if module.count(".") == 1}
     drawn = {"picture", "sinks"}
     assert drawn < of_eval

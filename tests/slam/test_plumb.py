@@ -18,6 +18,15 @@ def test_up_is_what_the_first_keyframes_saw_on_average():
         assert up.compared(tilted(0.2), np.array([0.0, 0.0, 1.0])) == pytest.approx([0, 0, 1])
 
 
+def test_what_leans_at_the_start_is_no_wall():
+    up, leaning = Up(), np.array([0.0, np.sin(0.1), np.cos(0.1)])
+    for _ in range(FIRST):
+        assert up.compared(np.eye(4), leaning) is None
+    for _ in range(FIRST):
+        assert up.compared(np.eye(4), np.array([0.0, 0.0, 1.0])) is None
+    assert up.compared(np.eye(4), leaning) == pytest.approx([0, 0, 1])
+
+
 def test_poses_and_what_was_seen_from_them_cancel():
     up = Up()
     for k in range(FIRST):
