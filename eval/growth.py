@@ -1,4 +1,4 @@
-"""How the time of an update grows with the map: a thousand rooms as replayed plane observations.
+"""How the time of an update grows with the map: many rooms as replayed plane observations.
 
 No simulator: generated buildings are laid side by side, and a base goes through all their rooms on
 straight lines. From each keyframe it observes the faces of the room it is in and the floor, as the
@@ -101,7 +101,7 @@ class Block:
 
 
 def growth(
-    rooms: int = 1000,
+    rooms: int = 200,
     seed: int = 0,
     backend: BackEndConfig = BackEndConfig(),  # noqa: B008
     detector: Detector | None = None,
