@@ -22,7 +22,8 @@ from slam.core import Array, MapPlane, inverse, so3_log, transform_plane, transf
 from worlds.truth import Face
 
 if TYPE_CHECKING:
-    from slam.graph import ChiSquare, LayeredGraph
+    from slam.chisquares import ChiSquare
+    from slam.graph import LayeredGraph
 
 WITHIN = {3: 7.815, 6: 12.592}
 """95 % of chi-square distributed numbers are below this, by degrees of freedom."""

@@ -54,12 +54,12 @@ def differences(T: Array, rows: Array, normals: Array, d: Array) -> tuple[Array,
     """How far planes are from where they are observed: along the observed plane's two tangents
     [rad], and at its centroid [m] (N, 3); and the derivatives (N, 3, 6) by the pose.
 
-    T: T_map_base (4, 4), which moves by (rotation, translation) on its right; rows: (N, 3, 3) of
-    the observations; normals (N, 3), d (N,): the planes, map frame.
+    T: T_map_base (4, 4), or one each (N, 4, 4), which moves by (rotation, translation) on its
+    right; rows: (N, 3, 3) of the observations; normals (N, 3), d (N,): the planes, map frame.
     """
-    n_base = normals @ T[:3, :3]
+    n_base = (normals[:, None, :] @ T[..., :3, :3])[:, 0]
     residual = np.einsum("nij,nj->ni", rows, n_base)
-    residual[:, 2] += d + normals @ T[:3, 3]
+    residual[:, 2] += d + (normals * T[..., :3, 3]).sum(axis=1)
     jacobian = np.zeros((len(rows), 3, 6))
     jacobian[:, :, :3] = rows @ skew(n_base)
     jacobian[:, 2, 3:] = n_base

@@ -49,13 +49,21 @@ class Chart:
 
 
 class Charts:
-    """Several of them, for the planes that one factor is about."""
+    """Several of them at once: origins (N, 3), frames (N, 3, 3)."""
 
-    def __init__(self, charts: Sequence[Chart]):
-        self._origin = np.array([chart.origin for chart in charts])
-        self._frame = np.array([chart.frame for chart in charts])
+    def __init__(self, origins: Array, frames: Array):
+        self._origin = origins
+        self._frame = frames
         # u and v of the origins, seen from the map's
-        self._along = np.einsum("nij,nj->ni", self._frame[:, :2], self._origin)
+        self._along = np.einsum("nij,nj->ni", frames[:, :2], origins)
+
+    @staticmethod
+    def of(charts: Sequence[Chart]) -> Charts:
+        """Each of them."""
+        return Charts(
+            np.array([chart.origin for chart in charts]),
+            np.array([chart.frame for chart in charts]),
+        )
 
     def planes(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Normals (N, 3), d (N,), and their derivatives (N, 3, 3) and (N, 3) by coordinates a, b, h

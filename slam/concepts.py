@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
 
 from slam.core import Array
 from slam.factors import PlaneKey, room_factor, wall_factor
-from slam.solver import Solver
-
-WALL, ROOM, FLOOR = "w", "r", "f"
+from slam.optimiser import Optimiser
+from slam.variables import FLOOR, ROOM, WALL
 
 
 @dataclass(frozen=True)
@@ -44,13 +43,17 @@ class WallNode:
 
 
 class Concepts:
-    """The rooms and walls that a solver holds, by their names. plane_key: the variable of a plane,
+    """The rooms and walls that the graph holds, by their names. plane_key: the variable of a plane,
     and its chart."""
 
     def __init__(
-        self, solver: Solver, plane_key: Callable[[int], PlaneKey], config: ConceptConfig
+        self,
+        optimiser: Optimiser,
+        plane_key: Callable[[int], PlaneKey],
+        config: ConceptConfig,
     ) -> None:
-        self._solver = solver
+        self._optimiser = optimiser
+        self._factors = optimiser.factors
         self._plane_key = plane_key
         self._config = config
         self._held: dict[str, dict[int, RoomNode | WallNode]] = {ROOM: {}, WALL: {}}
@@ -59,8 +62,8 @@ class Concepts:
 
     def hold(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
         """Makes the solver hold exactly these: adds, rewires and removes."""
-        self._replace(ROOM, dict(rooms))
-        self._replace(WALL, dict(walls))
+        self._replace(ROOM, rooms)
+        self._replace(WALL, walls)
 
     def forget_those_of(self, planes: set[int]) -> None:
         """Removes the rooms and walls that rest on any of these planes."""
@@ -75,25 +78,26 @@ class Concepts:
     def floor(self, storey: int = 0) -> Array | None:
         """The place (2,) of a storey's floor node, once there is a room."""
         key = gtsam.symbol(FLOOR, storey)
-        return self._solver.point2(key) if self._solver.holds(key) else None
+        solver = self._optimiser.solver
+        return solver.point2(key) if solver.holds(key) else None
 
-    def _replace(self, layer: str, nodes: dict[int, RoomNode | WallNode]) -> None:
+    def _replace(self, layer: str, nodes: Mapping[int, RoomNode | WallNode]) -> None:
         held = self._held[layer]
-        for name in [name for name in held if name not in nodes]:
+        for name in sorted(held.keys() - nodes.keys()):
             self._remove(layer, name)
         for name, node in nodes.items():
-            if name in held and held[name].planes == node.planes:
+            known = held.get(name)
+            if known is node:
                 continue
-            known = name in held
-            if known:
-                self._solver.remove((layer, name))
-            self._add(layer, name, node, known)
+            if known is None or known.planes != node.planes:
+                self._add(layer, name, node, known is not None)
+            held[name] = node
 
     def _remove(self, layer: str, name: int) -> None:
-        self._solver.remove((layer, name))
+        self._factors.remove((layer, name))
         if layer == ROOM:
-            self._solver.remove((FLOOR, name))
-        self._solver.withdraw(self._variables.pop((layer, name)))
+            self._factors.remove((FLOOR, name))
+        self._optimiser.withdraw(self._variables.pop((layer, name)))
         del self._held[layer][name]
 
     def _add(self, layer: str, name: int, node: RoomNode | WallNode, known: bool) -> None:
@@ -102,34 +106,33 @@ class Concepts:
             self._next_variable += 1
         key = self._variables[layer, name]
         planes = [self._plane_key(plane) for plane in node.planes]
+        if known:
+            self._factors.remove((layer, name))
         if isinstance(node, RoomNode):
             noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.room_sigma)
             factor = room_factor(key, planes, node.pairs, node.centre, noise)
             if known:
-                self._solver.remove((FLOOR, name))
+                self._factors.remove((FLOOR, name))
             else:
-                self._solver.insert(key, node.centre[:2])
-            self._join_floor(name, key, node)
+                self._optimiser.insert(key, node.centre[:2])
+            self._join_floor(name, node)
         else:
             noise = gtsam.noiseModel.Isotropic.Sigma(3, self._config.wall_sigma)
             factor = wall_factor(key, planes, node.centre, noise)
             if not known:
-                self._solver.insert(key, node.centre)
-        self._solver.add((layer, name), factor)
-        self._held[layer][name] = node
+                self._optimiser.insert(key, node.centre)
+        self._factors.add((layer, name), factor)
 
-    def _join_floor(self, room: int, key: int, node: RoomNode) -> None:
-        """A floor node is tied to its rooms by their relative position when found (S-Graphs+), or
-        when they came to rest on other planes, which may move them by metres."""
-        floor_key, centre = gtsam.symbol(FLOOR, node.storey), node.centre
-        floor = self.floor(node.storey)
-        if floor is None:
-            floor = centre[:2]
-            self._solver.insert(floor_key, floor)
-            weak = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-            self._solver.add(
-                ("floor", node.storey), gtsam.PriorFactorPoint2(floor_key, floor, weak)
-            )
+    def _join_floor(self, room: int, node: RoomNode) -> None:
+        """A floor is amid its rooms as they were when found, or when they came to rest on other
+        planes. They do not hang on it: what it would tell of them is negligible, and all of them
+        would be touched by each update."""
+        key = gtsam.symbol(FLOOR, node.storey)
+        if not self._optimiser.solver.holds(key):
+            self._optimiser.insert(key, node.centre[:2])
+            weak = gtsam.noiseModel.Isotropic.Sigma(2, 100.0 * self._config.floor_sigma)
+            first = gtsam.PriorFactorPoint2(key, node.centre[:2], weak)
+            self._factors.add(("floor", node.storey), first)
         noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-        factor = gtsam.BetweenFactorPoint2(floor_key, key, centre[:2] - floor, noise)
-        self._solver.add((FLOOR, room), factor)
+        factor = gtsam.PriorFactorPoint2(key, node.centre[:2], noise)
+        self._factors.add((FLOOR, room), factor)

@@ -5,21 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.charts import Chart
-from slam.core import Array
+from slam.charts import Chart, Charts
+from slam.core import Array, IntArray
 
 
 class Estimates:
-    """Poses (K, 4, 4) T_map_base by keyframe id, and planes by plane id: normals (P, 3), offsets
-    (P,) with n.x + d = 0, heights (P,) over where they were first seen [m], and which of them are
-    alive (a merged plane is not)."""
+    """Poses (K, 4, 4) T_map_base by keyframe id, and planes by plane id: coordinates (P, 3) in
+    their charts, normals (P, 3), offsets (P,) with n.x + d = 0, heights (P,) over where they were
+    first seen [m], and which of them are alive (a merged plane is not)."""
 
     def __init__(self) -> None:
         self._charts: list[Chart] = []
         self._poses = np.zeros((64, 4, 4))
+        self._origins = np.zeros((64, 3))
+        self._frames = np.zeros((64, 3, 3))
+        self._coordinates = np.zeros((64, 3))
         self._normals = np.zeros((64, 3))
         self._offsets = np.zeros(64)
-        self._heights = np.zeros(64)
         self._alive = np.zeros(64, dtype=bool)
         self.keyframe_count = 0
 
@@ -34,6 +36,11 @@ class Estimates:
         return self._poses[: self.keyframe_count]
 
     @property
+    def coordinates(self) -> Array:
+        """(P, 3)"""
+        return self._coordinates[: self.plane_count]
+
+    @property
     def normals(self) -> Array:
         """(P, 3)"""
         return self._normals[: self.plane_count]
@@ -46,7 +53,7 @@ class Estimates:
     @property
     def heights(self) -> Array:
         """(P,)"""
-        return self._heights[: self.plane_count]
+        return self._coordinates[: self.plane_count, 2]
 
     @property
     def alive(self) -> NDArray[np.bool_]:
@@ -57,9 +64,13 @@ class Estimates:
         """The chart of a plane; it never changes."""
         return self._charts[plane]
 
+    def charts(self, planes: IntArray) -> Charts:
+        """Those of planes (N,)."""
+        return Charts(self._origins[planes], self._frames[planes])
+
     def add_keyframe(self, T_map_base: Array) -> None:
         """The next keyframe, where it is thought to be."""
-        self._poses = _room_for(self._poses, self.keyframe_count)
+        self._poses = room_for(self._poses, self.keyframe_count)
         self._poses[self.keyframe_count] = T_map_base
         self.keyframe_count += 1
 
@@ -67,26 +78,30 @@ class Estimates:
         """The next plane, which lies in its chart; its id."""
         plane = len(self._charts)
         self._charts.append(chart)
-        self._normals = _room_for(self._normals, plane)
-        self._offsets = _room_for(self._offsets, plane)
-        self._heights = _room_for(self._heights, plane)
-        self._alive = _room_for(self._alive, plane)
+        self._origins = room_for(self._origins, plane)
+        self._frames = room_for(self._frames, plane)
+        self._coordinates = room_for(self._coordinates, plane)
+        self._normals = room_for(self._normals, plane)
+        self._offsets = room_for(self._offsets, plane)
+        self._alive = room_for(self._alive, plane)
+        self._origins[plane], self._frames[plane] = chart.origin, chart.frame
         self._alive[plane] = True
-        self.set_plane(plane, np.zeros(3))
+        self.set_planes(np.array([plane]), np.zeros((1, 3)))
         return plane
 
-    def set_plane(self, plane: int, x: Array) -> None:
-        """A plane's coordinates in its chart."""
-        self._normals[plane], self._offsets[plane] = self._charts[plane].plane(x)
-        self._heights[plane] = x[2]
+    def set_planes(self, planes: IntArray, x: Array) -> None:
+        """Coordinates (N, 3) of planes (N,), each in its chart."""
+        self._coordinates[planes] = x
+        self._normals[planes], self._offsets[planes], *_ = self.charts(planes).planes(x)
 
     def plane(self, plane: int) -> tuple[Array, float]:
         """Normal (3,) and d."""
         return self._normals[plane].copy(), float(self._offsets[plane])
 
 
-def _room_for(array: NDArray, place: int) -> NDArray:
-    """The array, or one of twice the length that starts like it."""
+def room_for(array: NDArray, place: int) -> NDArray:
+    """The array, or one of at least twice the length that starts like it."""
     if place < len(array):
         return array
-    return np.concatenate([array, np.zeros_like(array)])
+    more = max(len(array), place + 1 - len(array))
+    return np.concatenate([array, np.zeros((more, *array.shape[1:]), dtype=array.dtype)])

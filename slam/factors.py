@@ -3,7 +3,7 @@
 Planes are three numbers in their charts (``slam.charts``), poses and points are gtsam's. A Pose3
 moves by (rotation, translation) on its right. What a keyframe saw of a plane is compared in the
 observed plane's own axes and at the centroid of its points, where the covariance of a fitted plane
-is block-diagonal.
+is block-diagonal. None of them is linearised by gtsam itself (``slam.solver``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from slam.alignment import differences
 from slam.charts import Chart, Charts
-from slam.core import Array, PlaneObservation, plane_axes, skew
+from slam.core import Array, plane_axes, skew
 
 PlaneKey = tuple[int, Chart]
 """A plane variable: gtsam's key, and the chart that its three numbers are in."""
@@ -30,7 +30,7 @@ class Planes:
 
     def __init__(self, planes: Sequence[PlaneKey]):
         self._keys = [key for key, _ in planes]
-        self._charts = Charts([chart for _, chart in planes])
+        self._charts = Charts.of([chart for _, chart in planes])
 
     def of(self, values: gtsam.Values) -> tuple[Array, Array, Array, Array]:
         """Normals (N, 3), d (N,) and their derivatives (``Charts.planes``)."""
@@ -41,47 +41,27 @@ class Planes:
         return list(zip(*self.of(values), strict=True))
 
 
-def keyframe_factor(
-    pose_key: int,
-    planes: Sequence[PlaneKey],
-    observations: Sequence[PlaneObservation],
-    robust: float,
-) -> gtsam.CustomFactor:
-    """What a keyframe observed of mapped planes, three residuals each, in standard deviations.
+def sighting(
+    T: Array, rows: Array, whiten: Array, planes: Charts, x: Array
+) -> tuple[Array, Array, Array]:
+    """What keyframes observed of mapped planes: residuals (N, 3) in standard deviations, and their
+    derivatives (N, 3, 6) and (N, 3, 3) by the keyframe's pose and by the plane's coordinates.
 
     The mapped plane's normal in the keyframe along the observed plane's two tangents, and the
-    distance of the observed centroid from the mapped plane. An observation that is off by more
-    than ``robust`` standard deviations counts less (Huber), by itself. All in one factor, since
-    gtsam copies all variables for each factor that it asks in Python.
+    distance of the observed centroid from the mapped plane. T: (N, 4, 4) T_map_base of the
+    keyframes; rows: (N, 3, 3) of the observations; whiten: (N, 3, 3) roots of their information;
+    x: (N, 3) coordinates of the planes.
     """
-    keys = list(dict.fromkeys(key for key, _ in planes))
-    column = [3 * keys.index(key) for key, _ in planes]
-    variables, count = Planes(planes), len(planes)
-    rows = np.array([observation.rows for observation in observations])
-    information = np.linalg.inv(np.array([o.covariance for o in observations]))
-    whiten = np.linalg.cholesky(information).transpose(0, 2, 1)
+    n, d, by_n, by_d = planes.planes(x)
+    residual, by_pose = differences(T, rows, n, d)
+    by_plane = (rows @ T[:, :3, :3].transpose(0, 2, 1)) @ by_n
+    by_plane[:, 2] += (T[:, None, :3, 3] @ by_n)[:, 0] + by_d
+    return (whiten @ residual[:, :, None])[:, :, 0], whiten @ by_pose, whiten @ by_plane
 
-    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Jacobians) -> Array:
-        T = values.atPose3(pose_key).matrix()
-        n, d, by_n, by_d = variables.of(values)
-        residual, by_pose = differences(T, rows, n, d)
-        white = (whiten @ residual[:, :, None])[:, :, 0]
-        size = np.sqrt((white * white).sum(axis=1))
-        weight = np.sqrt(robust / np.maximum(size, robust))
-        if jacobians is not None:
-            scale = weight[:, None, None] * whiten
-            by_plane = (rows @ T[:3, :3].T) @ by_n
-            by_plane[:, 2] += T[:3, 3] @ by_n + by_d
-            jacobians[0] = (scale @ by_pose).reshape(-1, 6)
-            each = np.zeros((3 * count, 3 * len(keys)))
-            for place, block in enumerate(scale @ by_plane):
-                each[3 * place : 3 * place + 3, column[place] : column[place] + 3] = block
-            for place in range(len(keys)):
-                jacobians[place + 1] = each[:, 3 * place : 3 * place + 3]
-        return np.asarray((weight[:, None] * white).ravel())
 
-    noise = gtsam.noiseModel.Unit.Create(3 * count)
-    return gtsam.CustomFactor(noise, [pose_key, *keys], error)
+def huber(white: Array, robust: float) -> Array:
+    """(N,) weights of residuals (N, M) in standard deviations: less than 1 beyond ``robust``."""
+    return robust / np.maximum(np.linalg.norm(white, axis=1), robust)
 
 
 def plumb_factor(

@@ -29,22 +29,22 @@ class Nodes(Generic[Proposal, Node]):
 
     def of(self, proposals: Iterable[Proposal]) -> dict[int, Node]:
         """All that have one."""
-        known: dict[int, tuple[Proposal, Node]] = {}
+        before, known = self._known, {}
         whole, self._lost = self._planes.lost == self._lost, self._planes.lost
         for proposal in proposals:
-            node = self._kept(proposal, whole) or self._made(proposal)
-            if node is not None:
-                known[proposal.id] = proposal, node
+            name = proposal.id
+            entry = before.get(name)
+            if entry is None or entry[0] is not proposal or not (whole or self._stands(entry[1])):
+                node = self._made(proposal)
+                if node is None:
+                    continue
+                entry = proposal, node
+            known[name] = entry
         self._known = known
         return {name: node for name, (_, node) in known.items()}
 
-    def _kept(self, proposal: Proposal, whole: bool) -> Node | None:
-        """The node that it had. whole: the map has lost no plane since."""
-        before = self._known.get(proposal.id)
-        if before is None or before[0] is not proposal:
-            return None
-        node = before[1]
-        return node if whole or all(plane in self._planes for plane in node.planes) else None
+    def _stands(self, node: Node) -> bool:
+        return all(plane in self._planes for plane in node.planes)
 
 
 def one_in_a_room(

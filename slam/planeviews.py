@@ -61,11 +61,10 @@ class PlaneViews:
         self, planes: Iterable[int], supports: Mapping[int, Support], moved: NDArray[np.bool_]
     ) -> None:
         """Brings some planes up to date. moved: (K,) keyframes."""
-        poses = self._estimates.poses
+        poses, elsewhere = self._estimates.poses, np.flatnonzero(moved).tolist()
         for plane in planes:
             support, old = supports[plane], self._views.get(plane)
-            points = np.concatenate([chunk.told(poses, moved) for chunk in support.chunks])
-            ids = np.concatenate([chunk.ids[chunk.shown] for chunk in support.chunks])
+            points, ids = support.told.now(support.chunks, poses, elsewhere)
             revision = 1 + (old.revision if old is not None else 0)
             self._views[plane] = self._plane(plane, support, points, ids, revision)
             support.changed = False

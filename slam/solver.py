@@ -1,9 +1,14 @@
-"""gtsam's ISAM2 as a set of named factors: added, replaced and removed at will, solved now and
-then."""
+"""gtsam's ISAM2 as a set of named linear factors: added, replaced and removed at will, solved now
+and then.
+
+gtsam copies all variables for each factor that it has to ask in Python, so that an update would
+take the longer the larger the map is. It is never asked: it is handed linear factors of vectors,
+and who knows of what they are the linear parts has them replaced (``slam.linearised``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 
 import gtsam
@@ -11,7 +16,7 @@ import numpy as np
 
 from slam.core import Array, RunError
 
-Named = tuple[Hashable, gtsam.NonlinearFactor]
+Vector = Array | float
 
 
 @contextmanager
@@ -27,41 +32,37 @@ def failures() -> Iterator[None]:
 class Solver:
     """What is added or removed counts from the next ``update`` on."""
 
-    def __init__(self, relinearize: Mapping[str, Sequence[float]]):
-        """relinearize: by the letter of a kind of variable, the least change of each coordinate at
-        which factors are linearised anew."""
-        thresholds = gtsam.ISAM2ThresholdMap()
-        for letter, change in relinearize.items():
-            thresholds.insert((letter, np.array(change)))
+    def __init__(self) -> None:
         parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(thresholds)
-        parameters.relinearizeSkip = 1
+        parameters.enableRelinearization = False
         parameters.setFactorization("QR")
         self._isam = gtsam.ISAM2(parameters)
-        self._pending: list[Named] = []
+        self._pending: dict[Hashable, gtsam.NonlinearFactor] = {}
         self._values = gtsam.Values()
         self._removals: list[int] = []
         self._index: dict[Hashable, int] = {}
+        self._residuals: dict[Hashable, int] = {}
 
     # --- what it holds ---
 
-    def add(self, name: Hashable, factor: gtsam.NonlinearFactor) -> None:
-        """A factor; its name is no other's."""
-        self._pending.append((name, factor))
+    def add(self, name: Hashable, factor: gtsam.NonlinearFactor, residuals: int) -> None:
+        """A factor of so many residuals; its name is no other's."""
+        self._pending[name] = factor
+        self._residuals[name] = residuals
 
     def remove(self, name: Hashable) -> None:
         """Takes a factor out, whether it has been solved with already or not."""
         if name in self._index:
             self._removals.append(self._index.pop(name))
-        else:
-            self._pending = [(other, factor) for other, factor in self._pending if other != name]
+        self._pending.pop(name, None)
+        self._residuals.pop(name, None)
 
-    def insert(self, key: int, value: gtsam.Pose3 | Array | float) -> None:
+    def insert(self, key: int, value: Vector) -> None:
         """A new variable, and where it is thought to be."""
         self._values.insert(key, value)
 
     def withdraw(self, key: int) -> None:
-        """A variable that no update has seen is not wanted any more."""
+        """A variable that no factor is about is not wanted any more."""
         if self._values.exists(key):
             self._values.erase(key)
 
@@ -75,25 +76,23 @@ class Solver:
 
     # --- solving ---
 
-    def update(self, extra_iterations: int = 0) -> None:
+    def update(self) -> None:
         """Takes in all that is pending. Raises RunError when gtsam cannot solve it."""
         factors = gtsam.NonlinearFactorGraph()
-        for _, factor in self._pending:
+        for factor in self._pending.values():
             factors.add(factor)
         with failures():
             result = self._isam.update(factors, self._values, self._removals)
-            for _ in range(extra_iterations):
-                self._isam.update()
-        for (name, _), index in zip(self._pending, result.getNewFactorsIndices(), strict=True):
+        for name, index in zip(self._pending, result.getNewFactorsIndices(), strict=True):
             self._index[name] = int(index)
-        self._pending, self._removals = [], []
+        self._pending, self._removals = {}, []
         self._values = gtsam.Values()
 
     # --- answers ---
 
-    def pose(self, key: int) -> Array:
-        """(4, 4) of one variable."""
-        return np.asarray(self._isam.calculateEstimatePose3(key).matrix())
+    def vector(self, key: int) -> Array:
+        """(N,) of one variable."""
+        return np.asarray(self._isam.calculateEstimateVector(key))
 
     def point3(self, key: int) -> Array:
         """(3,) of one variable."""
@@ -110,11 +109,12 @@ class Solver:
         return self._isam.calculateEstimate()
 
     def covariance(self, key: int) -> Array:
-        """Marginal covariance of a variable, in gtsam's tangent space."""
+        """Marginal covariance of a variable."""
         return np.asarray(self._isam.marginalCovariance(key))
 
-    def factors(self) -> Iterator[Named]:
-        """All that were solved with."""
-        graph = self._isam.getFactorsUnsafe()
+    def squares(self) -> Iterator[tuple[Hashable, int, float]]:
+        """Of every factor that was solved with: its name, how many residuals, and the sum of their
+        squares at the last estimate, each over its variance."""
+        graph, values = self._isam.getFactorsUnsafe(), self.values()
         for name, index in self._index.items():
-            yield name, graph.at(index)
+            yield name, self._residuals[name], 2.0 * graph.at(index).error(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from slam.association import PlaneBelief
 from slam.cells import CellGrid, Stretches
 from slam.core import Array, Floats, IntArray, PlaneObservation, point_ids, transform_points
+from slam.estimates import room_for
 
 
 @dataclass(frozen=True)
@@ -21,26 +23,54 @@ class Observed:
     observation: PlaneObservation
 
 
-@dataclass
+@dataclass(frozen=True)
 class Chunk:
     """The points that one observation added. points: base frame; shown: those that a detector is
-    shown; mapped: those, map frame, as they were told last."""
+    shown."""
 
     keyframe: int
     points: Floats
     ids: IntArray
     shown: NDArray[np.bool_]
-    mapped: Array | None = None
-
-    def told(self, poses: Array, moved: NDArray[np.bool_]) -> Array:
-        """The shown points in the map frame, worked out again if the keyframe moved."""
-        if self.mapped is None or moved[self.keyframe]:
-            self.mapped = transform_points(poses[self.keyframe], self.points[self.shown])
-        return self.mapped
 
     def dense(self, poses: Array) -> Array:
         """All points in the map frame."""
         return transform_points(poses[self.keyframe], self.points)
+
+
+class Told:
+    """The shown points of chunks, map frame, as they were told last: only what is new or has moved
+    is worked out again, however many there are."""
+
+    def __init__(self) -> None:
+        self._chunks: list[tuple[Floats, int]] = []
+        self._of_keyframe: dict[int, list[int]] = {}
+        self._points = np.zeros((64, 3))
+        self._ids = np.zeros(64, dtype=np.int64)
+        self._end = 0
+
+    def now(
+        self, chunks: Sequence[Chunk], poses: Array, moved: Iterable[int]
+    ) -> tuple[Array, IntArray]:
+        """Points (M, 3) and their ids (M,). chunks: those of last time, then new ones; moved: the
+        keyframes whose poses are others."""
+        for keyframe in moved:
+            for place in self._of_keyframe.get(keyframe, ()):
+                self._put(place, poses[keyframe])
+        for chunk in chunks[len(self._chunks) :]:
+            place, count = len(self._chunks), int(chunk.shown.sum())
+            self._points = room_for(self._points, self._end + count)
+            self._ids = room_for(self._ids, self._end + count)
+            self._ids[self._end : self._end + count] = chunk.ids[chunk.shown]
+            self._chunks.append((chunk.points[chunk.shown], self._end))
+            self._of_keyframe.setdefault(chunk.keyframe, []).append(place)
+            self._end += count
+            self._put(place, poses[chunk.keyframe])
+        return self._points[: self._end].copy(), self._ids[: self._end]
+
+    def _put(self, place: int, T_map_base: Array) -> None:
+        points, start = self._chunks[place]
+        self._points[start : start + len(points)] = transform_points(T_map_base, points)
 
 
 class Support:
@@ -59,6 +89,7 @@ class Support:
         self.shown = 0
         self.storey = storey
         self.changed = True
+        self.told = Told()
         self._cells = CellGrid(voxel)
         self._coarse_cells = CellGrid(coarse_voxel)
         self._grown = grown

@@ -15,8 +15,8 @@ from eval.scores import RunRecord
 from eval.surfaces import Surfaces
 from eval.trajectory import Trajectory
 from slam.charts import Chart
+from slam.chisquares import ChiSquare
 from slam.core import Keyframe, KeyframeScan, MapView, Proposals, inverse, pose, so3_exp
-from slam.graph import ChiSquare
 
 SIGMA = np.array([0.002, 0.002, 0.004, 0.01, 0.01, 0.005])
 

@@ -37,7 +37,7 @@ def test_planes_of_several_charts_and_their_derivatives(seed):
     rng = np.random.default_rng(seed)
     charts = [Chart.at(rng.normal(0.0, 5.0, 3), direction(rng)) for _ in range(3)]
     x = rng.normal(0.0, 0.2, (3, 3))
-    n, d, by_n, by_d = Charts(charts).planes(x)
+    n, d, by_n, by_d = Charts.of(charts).planes(x)
     for place, chart in enumerate(charts):
         normal, offset = chart.plane(x[place])
         assert n[place] == pytest.approx(normal, abs=1e-12)

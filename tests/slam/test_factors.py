@@ -2,14 +2,15 @@ import gtsam
 import numpy as np
 import pytest
 
-from slam.charts import Chart
+from slam.charts import Chart, Charts
 from slam.core import PlaneObservation, pose, so3_exp, transform_plane
 from slam.factors import (
-    keyframe_factor,
+    huber,
     parallel_factor,
     perpendicular_factor,
     plumb_factor,
     room_factor,
+    sighting,
     thickness_factor,
     wall_factor,
 )
@@ -85,45 +86,60 @@ def values_with_pose(T):
     return values
 
 
+def seen(*observations):
+    """Rows and roots of the information of what keyframes observed."""
+    whiten = np.linalg.cholesky(np.linalg.inv([o.covariance for o in observations]))
+    return np.array([o.rows for o in observations]), whiten.transpose(0, 2, 1)
+
+
+def moved(T, step):
+    """A pose, (rotation, translation) on its right."""
+    return T @ pose(so3_exp(step[:3]), step[3:])
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_keyframe_jacobians(seed):
-    """Of three observations, two of them of one plane."""
+def test_sighting_jacobians(seed):
+    """Of three observations by as many keyframes."""
     rng = np.random.default_rng(seed)
-    values = values_with_pose(pose(so3_exp(rng.normal(size=3)), rng.normal(size=3)))
-    first, second = (
-        add_plane(values, key, random_direction(rng), rng.normal(), rng) for key in PLANES[:2]
-    )
-    seen = [
+    T = np.array([pose(so3_exp(rng.normal(size=3)), rng.normal(size=3)) for _ in range(3)])
+    rows, whiten = seen(
         observation([0, 1, 0], -2.0, [0.3, 2.0, 0.4]),
         observation([1, 0, 0], -3.0, [3.0, 0.5, 0.2]),
         observation([0, 1, 0], -2.1, [1.3, 2.1, 0.4]),
-    ]
-    check_jacobians(keyframe_factor(POSE, [first, second, first], seen, 1e6), values)
+    )
+    charts = Charts.of([Chart.at(rng.normal(size=3), random_direction(rng)) for _ in range(3)])
+    x = rng.normal(0.0, 0.3, (3, 3))
+    _, by_pose, by_plane = sighting(T, rows, whiten, charts, x)
+    for axis, step in enumerate(1e-6 * np.eye(6)):
+        ends = [
+            sighting(np.array([moved(each, sign * step) for each in T]), rows, whiten, charts, x)[0]
+            for sign in (1.0, -1.0)
+        ]
+        assert by_pose[:, :, axis] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
+    for axis, step in enumerate(1e-6 * np.eye(3)):
+        ends = [sighting(T, rows, whiten, charts, x + sign * step)[0] for sign in (1.0, -1.0)]
+        assert by_plane[:, :, axis] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
 
 
-def off_by(shift, robust=1e6):
-    """The error of an observation whose plane is so far off [m], and of one that fits."""
+def off_by(shift):
+    """The errors of an observation whose plane is so far off [m], and of one that fits."""
     T = pose(so3_exp(np.array([0.01, -0.02, 1.0])), np.array([2.0, 1.0, 0.0]))
-    values = values_with_pose(T)
-    planes, seen = [], []
-    for key, direction, far in ((PLANES[0], [0.0, 1.0, 0.0], shift), (PLANES[1], [1.0, 0, 0], 0.0)):
-        seen.append(observation(direction, 2.0, [-2.0, -2.0, 0.3]))
-        normal, d = transform_plane(T, seen[-1].normal, seen[-1].d)
-        planes.append(add_plane(values, key, normal, d + far))
-    factor = keyframe_factor(POSE, planes, seen, robust)
-    return factor.unwhitenedError(values), factor.linearize(values).jacobian()[0]
+    charts, x, observations = [], [], []
+    for direction, far in (([0.0, 1.0, 0.0], shift), ([1.0, 0, 0], 0.0)):
+        observations.append(observation(direction, 2.0, [-2.0, -2.0, 0.3]))
+        normal, d = transform_plane(T, observations[-1].normal, observations[-1].d)
+        charts.append(Chart.at(np.array([0.3, 0.2, 0.1]), normal))
+        x.append(charts[-1].coordinates(normal, d + far))
+    error, *_ = sighting(np.array([T, T]), *seen(*observations), Charts.of(charts), np.array(x))
+    return error
 
 
-def test_keyframe_errors_are_in_standard_deviations_and_zero_for_the_true_plane():
-    error, _ = off_by(0.05)
-    assert error == pytest.approx([0.0, 0.0, 0.5, 0.0, 0.0, 0.0], abs=1e-9)
+def test_sightings_are_off_in_standard_deviations_and_zero_for_the_true_plane():
+    assert off_by(0.05) == pytest.approx(np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0]]), abs=1e-9)
 
 
-def test_an_observation_that_is_far_off_counts_less_by_itself():
-    (error, jacobian), (_, near) = off_by(0.8, robust=2.0), off_by(0.8)
-    assert error == pytest.approx([0.0, 0.0, 8.0 * 0.5, 0.0, 0.0, 0.0], abs=1e-9)
-    assert jacobian[:3] == pytest.approx(0.5 * near[:3])
-    assert jacobian[3:] == pytest.approx(near[3:])
+def test_a_sighting_that_is_far_off_counts_less_by_itself():
+    assert huber(off_by(0.8), robust=2.0) == pytest.approx([0.25, 1.0])
 
 
 @pytest.mark.parametrize("seed", range(3))

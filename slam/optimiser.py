@@ -1,0 +1,119 @@
+"""The nonlinear least squares behind the graph: linearises what has to be, solves, and makes
+estimates of the answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+
+from slam.core import Array, IntArray, RunError
+from slam.estimates import Estimates
+from slam.linearised import Linearised
+from slam.linearpoint import LinearPoint, Watch
+from slam.sightings import Sightings
+from slam.solver import Solver, Vector, failures
+from slam.variables import KEYFRAME, PLANE, Variables, keyframe_key, plane_key
+
+
+@dataclass(frozen=True)
+class OptimiserConfig:
+    """turned [rad], moved [m]: change of a keyframe or plane from which all factors about it are
+    linearised anew; robust: what was observed of a plane, or of plumb walls, counts less if it is
+    off by more standard deviations (Huber), as in a sweep whose motion was wrong; stale: change of
+    the weight of a robust factor from which that is made anew; stirred_turned [rad], stirred_moved
+    [m]: change of a keyframe or plane from which the weights of factors about it are looked at."""
+
+    turned: float = 0.005
+    moved: float = 0.05
+    robust: float = 2.0
+    stale: float = 0.1
+    stirred_turned: float = 0.001
+    stirred_moved: float = 0.002
+
+
+class Optimiser:
+    """Keyframes and planes as estimated are ``Estimates``, which ``read`` brings up to date after
+    an ``update``.
+
+    factors: all but the observations of planes, which are sightings; solver: what they become. What
+    is added or removed counts from the next ``update`` on.
+    """
+
+    def __init__(self, estimates: Estimates, config: OptimiserConfig):
+        self._estimates = estimates
+        self._at = LinearPoint(estimates, config.turned, config.moved)
+        self._variables = Variables(estimates, self._at)
+        self._stirred = Watch(estimates, config.stirred_turned, config.stirred_moved)
+        self._scalars: set[int] = set()
+        self.solver = Solver()
+        self.factors = Linearised(self.solver, self._variables, config.stale)
+        self.sightings = Sightings(self.solver, estimates, self._at, config.robust, config.stale)
+
+    def add_keyframe(self, keyframe: int) -> None:
+        """One that the estimates have, the next one."""
+        self.solver.insert(keyframe_key(keyframe), np.zeros(6))
+
+    def add_plane(self, plane: int) -> None:
+        """One that the estimates have."""
+        self.solver.insert(plane_key(plane), np.zeros(3))
+
+    def insert(self, key: int, value: Vector) -> None:
+        """Another variable, which all factors are linear in, and where it is thought to be."""
+        self.solver.insert(key, value)
+        self._variables.set(key, value)
+        if isinstance(value, float):
+            self._scalars.add(key)
+
+    def withdraw(self, key: int) -> None:
+        """A variable that no factor is about is not wanted any more."""
+        self.solver.withdraw(key)
+        self._variables.drop(key)
+
+    def update(self) -> None:
+        """Solves once, with all that has moved linearised where it is estimated. Raises RunError
+        when gtsam cannot solve it."""
+        keyframes, planes = self._at.follow()
+        self.factors.settle(_keys(keyframes, planes))
+        self.sightings.settle(keyframes.tolist(), planes.tolist())
+        self.solver.update()
+
+    def read(self, keyframes: IntArray, planes: IntArray) -> None:
+        """Estimates of these (N,), (M,), as the last update left them. Raises RunError for what is
+        not finite."""
+        with failures():
+            vectors = [self.solver.vector(keyframe_key(each)) for each in keyframes.tolist()]
+            x = [self.solver.point3(plane_key(each)) for each in planes.tolist()]
+        self._take(keyframes, vectors, planes, x)
+
+    def read_all(self) -> None:
+        """Estimates of all that is alive. Raises RunError for what is not finite."""
+        with failures():
+            values = self.solver.values()
+        for key in self._scalars:
+            self._variables.set(key, values.atDouble(key))
+        self.factors.weigh(sorted(self._scalars))
+        vectors = gtsam.utilities.extractVectors(values, KEYFRAME)
+        x = gtsam.utilities.extractVectors(values, PLANE)
+        keyframes = np.arange(self._estimates.keyframe_count)
+        self._take(keyframes, vectors, np.flatnonzero(self._estimates.alive), x)
+
+    def _take(
+        self,
+        keyframes: IntArray,
+        vectors: Sequence[Array] | Array,
+        planes: IntArray,
+        x: Sequence[Array] | Array,
+    ) -> None:
+        if not (np.isfinite(vectors).all() and np.isfinite(x).all()):
+            raise RunError("the graph could not be optimised: an estimate is not finite")
+        self._at.take(keyframes, np.reshape(vectors, (-1, 6)), planes, np.reshape(x, (-1, 3)))
+        self.sightings.weigh(keyframes.tolist())
+        self._stirred.welcome()
+        self.factors.weigh(_keys(*self._stirred.moved(keyframes, planes)))
+
+
+def _keys(keyframes: IntArray, planes: IntArray) -> list[int]:
+    return [*map(keyframe_key, keyframes.tolist()), *map(plane_key, planes.tolist())]

@@ -1,0 +1,74 @@
+"""The variables of the graph: their names in gtsam, and their values where they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import gtsam
+
+from slam.estimates import Estimates
+from slam.linearpoint import LinearPoint
+from slam.solver import Vector
+
+KEYFRAME, PLANE, THICKNESS, WALL, ROOM, FLOOR = "x", "p", "t", "w", "r", "f"
+
+_KIND = {ord(letter) << 56: letter for letter in (KEYFRAME, PLANE)}
+_NUMBER = (1 << 56) - 1
+
+
+def keyframe_key(keyframe: int) -> int:
+    """The variable of a keyframe."""
+    return int(gtsam.symbol(KEYFRAME, keyframe))
+
+
+def plane_key(plane: int) -> int:
+    """The variable of a plane."""
+    return int(gtsam.symbol(PLANE, plane))
+
+
+class Variables:
+    """Keyframes and planes are where they are estimated, or where they are linearised; all factors
+    are linear in the others, whose values (``set``) may be anywhere."""
+
+    def __init__(self, estimates: Estimates, at: LinearPoint):
+        self._estimates = estimates
+        self._at = at
+        self._others: dict[int, Vector] = {}
+
+    def set(self, key: int, value: Vector) -> None:
+        """The value of one that is neither a keyframe nor a plane."""
+        self._others[key] = value
+
+    def drop(self, key: int) -> None:
+        """One is not wanted any more."""
+        self._others.pop(key, None)
+
+    def now(self, keys: Iterable[int]) -> gtsam.Values:
+        """As estimated: poses, planes' coordinates, and the others."""
+        return self._values(keys, self._estimates)
+
+    def linear_point(self, keys: Iterable[int]) -> gtsam.Values:
+        """The same where they are linearised."""
+        return self._values(keys, self._at)
+
+    def _values(self, keys: Iterable[int], of: Estimates | LinearPoint) -> gtsam.Values:
+        values = gtsam.Values()
+        for key in keys:
+            kind, number = _KIND.get(key & ~_NUMBER), key & _NUMBER
+            if kind == KEYFRAME:
+                values.insert(key, gtsam.Pose3(of.poses[number]))
+            else:
+                values.insert(key, of.coordinates[number] if kind == PLANE else self._others[key])
+        return values
+
+    def vectors(self, keys: Iterable[int]) -> gtsam.Values:
+        """What the solver has for them where they are linearised."""
+        values = gtsam.Values()
+        for key in keys:
+            kind, number = _KIND.get(key & ~_NUMBER), key & _NUMBER
+            if kind == KEYFRAME:
+                values.insert(key, self._at.vectors[number])
+            else:
+                known = self._at.coordinates[number] if kind == PLANE else self._others[key]
+                values.insert(key, known)
+        return values
