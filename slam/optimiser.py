@@ -92,9 +92,10 @@ class Optimiser:
         """Estimates of all that is alive. Raises RunError for what is not finite."""
         with failures():
             values = self.solver.values()
-        for key in self._scalars:
+        known = [key for key in sorted(self._scalars) if values.exists(key)]
+        for key in known:  # one that no factor is about any more leaves the solver by itself
             self._variables.set(key, values.atDouble(key))
-        self.factors.weigh(sorted(self._scalars))
+        self.factors.weigh(known)
         vectors = gtsam.utilities.extractVectors(values, KEYFRAME)
         x = gtsam.utilities.extractVectors(values, PLANE)
         keyframes = np.arange(self._estimates.keyframe_count)

@@ -23,7 +23,7 @@ from slam.core import (
 )
 from slam.extraction import ExtractionConfig, extract_planes
 from slam.graph import LayeredGraph
-from slam.relations import RelationConfig, Thicknesses, room_relations
+from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
 
 BOX = box_planes(6.0, 4.0, 2.7)
 SENSOR = np.array([0.0, 0.0, 0.5])
@@ -355,6 +355,27 @@ def test_walls_of_one_thickness_are_grouped_and_a_thick_one_is_not():
     assert [relation.planes for relation in found] == [(0, 1), (2, 3), (4, 5)]
     assert len({relation.group for relation in found}) == 1
     assert [relation.value for relation in found] == pytest.approx(thick[:3])
+
+
+def test_a_thickness_that_no_wall_has_any_more_can_come_again():
+    graph = LayeredGraph()
+    graph.add_keyframe(0, np.eye(4), None)
+    planes = []
+    for place, (normal, d) in enumerate((([0.0, 1.0, 0.0], -2.1), ([0.0, -1.0, 0.0], 2.0))):
+        foot, points = -d * np.array(normal), np.zeros((0, 3), np.float32)
+        covariance = np.diag([1e-6, 1e-6, 1e-4])
+        seen = PlaneObservation(
+            np.array(normal), d, foot, covariance, points, np.zeros(0, np.int64)
+        )
+        planes.append(graph.add_plane(seen.normal, d, foot))
+        graph.observe(0, planes[-1], seen, place)
+    between = np.array([0.0, 2.05, 0.0])
+    wall = Relation("thickness", (planes[0], planes[1]), point=between, value=0.1)
+    for held, residuals in (([wall], 1), ([], 0), ([wall], 1)):
+        graph.set_relations(held, RelationConfig())
+        graph.optimise(whole=True)
+        known = graph.chi_squares().get("thickness")
+        assert (0 if known is None else known.residuals) == residuals
 
 
 def test_rooms_that_are_not_rectangular_have_no_relations():

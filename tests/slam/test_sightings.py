@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from eval.growth import observations
+from slam.backend import BackEnd
 from slam.core import PlaneObservation
 from slam.graph import LayeredGraph
 
@@ -80,3 +82,15 @@ def test_a_first_sight_that_was_off_weighs_little_once_others_agree(graph):
         graph.optimise()
     graph.optimise(extra_iterations=3)
     assert graph.estimates.offsets[plane] == pytest.approx(2.0, abs=0.004)
+
+
+def test_no_part_of_the_map_moves_by_itself():
+    """Through rooms one after the other, none seen again: what is behind stays where it was, which
+    it does not where some of the factors about a keyframe are linearised elsewhere than others."""
+    backend, before = BackEnd(), np.zeros((0, 3))
+    for frame, _ in observations(24, np.random.default_rng(0)):
+        backend.add(frame)
+        backend.optimise(whole=True)
+        places = np.array([keyframe.T_map_base[:3, 3] for keyframe in backend.keyframes()])
+        assert np.abs(places[: len(before)] - before).max(initial=0.0) < 0.06
+        before = places
