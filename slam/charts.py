@@ -7,7 +7,6 @@ here they are independent, and every number means the same for a wall in the nex
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,13 +29,6 @@ class Chart:
         if not (np.isfinite(origin).all() and abs(length - 1.0) < 1e-6):
             raise InputError("plane: a unit normal and a finite place are needed")
         return Chart(np.array(origin), np.stack([*plane_axes(normal), normal]))
-
-    def plane(self, x: Array) -> tuple[Array, float]:
-        """Normal (3,) and d of coordinates a, b, h."""
-        a, b, h = x.tolist()
-        length = math.sqrt(1.0 + a * a + b * b)
-        n = (self.frame[2] - a * self.frame[0] - b * self.frame[1]) / length
-        return n, -float(n @ self.origin) - h / length
 
     def coordinates(self, normal: Array, d: float) -> Array:
         """(3,) a, b, h of a plane that faces the same way."""

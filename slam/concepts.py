@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,11 +17,12 @@ from slam.variables import FLOOR, ROOM, WALL
 @dataclass(frozen=True)
 class ConceptConfig:
     """Standard deviations [m] of the published factors, whose information the paper's code sets by
-    hand (0.1, 10 and 1e-4)."""
+    hand (0.1, 10 and 1e-4). floor_moved [m]: how far a room goes before its floor is told."""
 
     room_sigma: float = 3.16
     wall_sigma: float = 0.316
     floor_sigma: float = 100.0
+    floor_moved: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class Concepts:
         self._held: dict[str, dict[int, RoomNode | WallNode]] = {ROOM: {}, WALL: {}}
         self._variables: dict[tuple[str, int], int] = {}
         self._next_variable = 0
+        self._joined: dict[int, Array] = {}
 
     def hold(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
         """Makes the solver hold exactly these: adds, rewires and removes."""
@@ -91,6 +94,8 @@ class Concepts:
                 continue
             if known is None or known.planes != node.planes:
                 self._add(layer, name, node, known is not None)
+            elif isinstance(node, RoomNode):
+                self._follow(name, node)
             held[name] = node
 
     def _remove(self, layer: str, name: int) -> None:
@@ -124,15 +129,20 @@ class Concepts:
         self._factors.add((layer, name), factor)
 
     def _join_floor(self, room: int, node: RoomNode) -> None:
-        """A floor is amid its rooms as they were when found, or when they came to rest on other
-        planes. They do not hang on it: what it would tell of them is negligible, and all of them
-        would be touched by each update."""
-        key = gtsam.symbol(FLOOR, node.storey)
+        """A floor is amid its rooms. They do not hang on it: what it would tell of them is
+        negligible, and all of them would be touched by each update."""
+        key, place = gtsam.symbol(FLOOR, node.storey), node.centre[:2].copy()
         if not self._optimiser.solver.holds(key):
-            self._optimiser.insert(key, node.centre[:2])
+            self._optimiser.insert(key, place)
             weak = gtsam.noiseModel.Isotropic.Sigma(2, 100.0 * self._config.floor_sigma)
-            first = gtsam.PriorFactorPoint2(key, node.centre[:2], weak)
-            self._factors.add(("floor", node.storey), first)
+            self._factors.add(("floor", node.storey), gtsam.PriorFactorPoint2(key, place, weak))
         noise = gtsam.noiseModel.Isotropic.Sigma(2, self._config.floor_sigma)
-        factor = gtsam.PriorFactorPoint2(key, node.centre[:2], noise)
-        self._factors.add((FLOOR, room), factor)
+        self._factors.add((FLOOR, room), gtsam.PriorFactorPoint2(key, place, noise))
+        self._joined[room] = place
+
+    def _follow(self, room: int, node: RoomNode) -> None:
+        """The floor is told where a room has gone."""
+        x, y = (node.centre[:2] - self._joined[room]).tolist()
+        if math.hypot(x, y) > self._config.floor_moved:
+            self._factors.remove((FLOOR, room))
+            self._join_floor(room, node)

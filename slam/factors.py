@@ -3,7 +3,7 @@
 Planes are three numbers in their charts (``slam.charts``), poses and points are gtsam's. A Pose3
 moves by (rotation, translation) on its right. What a keyframe saw of a plane is compared in the
 observed plane's own axes and at the centroid of its points, where the covariance of a fitted plane
-is block-diagonal. None of them is linearised by gtsam itself (``slam.solver``).
+is block-diagonal. When they are linearised is decided in ``slam.linearised``.
 """
 
 from __future__ import annotations

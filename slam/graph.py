@@ -96,7 +96,8 @@ class LayeredGraph:
         """A keyframe saw which way walls are plumb, (3,) in its frame; up: that in the map."""
         build = partial(plumb_factor, keyframe_key(keyframe), plumb, up)
         loss = gtsam.noiseModel.mEstimator.Huber.Create(self._config.optimiser.robust)
-        robust = Robust(build, np.full(2, self._config.plumb), loss)
+        sigmas = np.full(2, self._config.plumb)
+        robust = Robust([keyframe_key(keyframe)], build, sigmas, loss)
         self._factors.add(("plumb", keyframe), robust)
 
     def add_plane(self, normal: Array, d: float, place: Array) -> int:
@@ -128,7 +129,8 @@ class LayeredGraph:
         T = gtsam.Pose3(loop.T_earlier_later)
         build = partial(gtsam.BetweenFactorPose3, earlier, later, T)
         sigmas = np.array([rotation] * 3 + [translation] * 3)
-        self._factors.add(("loop", loop.earlier, loop.later), Robust(build, sigmas, _cauchy()))
+        robust = Robust([earlier, later], build, sigmas, _cauchy())
+        self._factors.add(("loop", loop.earlier, loop.later), robust)
 
     # --- rooms and walls ---
 
@@ -168,19 +170,20 @@ class LayeredGraph:
 
     def _relation_factor(self, relation: Relation, config: RelationConfig) -> Robust:
         first, second = (self._plane(plane) for plane in relation.planes)
+        keys = [first[0], second[0]]
         if relation.kind == "thickness":
             key = gtsam.symbol(THICKNESS, relation.group)
             if not self._optimiser.solver.holds(key):
                 self._optimiser.insert(key, relation.value)
             build = partial(thickness_factor, first, second, key, relation.point)
-            return Robust(build, np.full(1, config.spread), _cauchy())
+            return Robust([*keys, key], build, np.full(1, config.spread), _cauchy())
         if relation.kind == "perpendicular":
             build = partial(perpendicular_factor, first, second)
-            return Robust(build, np.full(1, config.angle), _cauchy())
+            return Robust(keys, build, np.full(1, config.angle), _cauchy())
         n1, n2 = (self.estimates.normals[plane] for plane in relation.planes)
         axes, same = np.stack(plane_axes(n1)), bool(n1 @ n2 > 0.0)
         build = partial(parallel_factor, first, second, axes, same)
-        return Robust(build, np.full(2, config.angle), _cauchy())
+        return Robust(keys, build, np.full(2, config.angle), _cauchy())
 
     # --- estimates ---
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -15,9 +15,11 @@ from slam.variables import Variables
 
 @dataclass(frozen=True)
 class Robust:
-    """A factor whose weight falls with its error. build: makes it of its noise; sigmas: (M,)
-    standard deviations of its residuals; loss: how it weighs an error in standard deviations."""
+    """A factor whose weight falls with its error. keys: of its variables; build: makes it of its
+    noise; sigmas: (M,) standard deviations of its residuals; loss: how it weighs an error in
+    standard deviations."""
 
+    keys: Sequence[int]
     build: Callable[[gtsam.noiseModel.Base], gtsam.NonlinearFactor]
     sigmas: Array
     loss: gtsam.noiseModel.mEstimator.Huber | gtsam.noiseModel.mEstimator.Cauchy
@@ -50,8 +52,7 @@ class Linearised:
     def add(self, name: Hashable, factor: gtsam.NonlinearFactor | Robust) -> None:
         """A factor; its name is no other's. It counts from the next ``settle`` on."""
         self._held[name] = factor
-        plain = factor.weighed(1.0) if isinstance(factor, Robust) else factor
-        self._keys[name] = list(plain.keys())
+        self._keys[name] = list(factor.keys if isinstance(factor, Robust) else factor.keys())
         for key in self._keys[name]:
             self._about.setdefault(key, {})[name] = None
         self._changed[name] = None
@@ -61,6 +62,8 @@ class Linearised:
         del self._held[name]
         for key in self._keys.pop(name):
             del self._about[key][name]
+            if not self._about[key]:
+                del self._about[key]
         self._weights.pop(name, None)
         self._changed.pop(name, None)
         self._solver.remove(name)
@@ -77,16 +80,16 @@ class Linearised:
     def settle(self, moved: Iterable[int]) -> None:
         """Gives the solver what has changed, and anew what is about variables that are linearised
         elsewhere now."""
-        with failures():
-            for name in self._changed | self._names(moved):
-                self._solver.remove(name)
-                factor, keys = self._held[name], self._keys[name]
-                if isinstance(factor, Robust):
-                    self._weights[name] = factor.weight(self._variables.now(keys))
-                    factor = factor.weighed(self._weights[name])
-                part = factor.linearize(self._variables.linear_point(keys))
-                linear = gtsam.LinearContainerFactor(part, self._variables.vectors(keys))
-                self._solver.add(name, linear, factor.dim())
+        for name in self._changed | self._names(moved):
+            self._solver.remove(name)
+            factor, keys = self._held[name], self._keys[name]
+            if isinstance(factor, Robust):
+                self._weights[name] = factor.weight(self._variables.now(keys))
+                factor = factor.weighed(self._weights[name])
+            at, vectors = self._variables.linear_point(keys), self._variables.vectors(keys)
+            with failures():
+                linear = gtsam.LinearContainerFactor(factor.linearize(at), vectors)
+            self._solver.add(name, linear, factor.dim())
         self._changed = {}
 
     def _names(self, keys: Iterable[int]) -> dict[Hashable, None]:

@@ -59,18 +59,13 @@ class Watch:
 
 class LinearPoint:
     """Poses (K, 4, 4) of keyframes and coordinates (P, 3) of planes at which all factors about them
-    are linearised, and the vectors (K, 6) of keyframes there.
-
-    What the solver knows of a keyframe is a vector, turn [rad] and shift [m] in the keyframe's own
-    axes: what it has more than the one at the linear point takes the pose there to where it is.
-    """
+    are linearised. What the solver knows of a keyframe is the step from there: turn [rad], then
+    shift [m], in the keyframe's own axes."""
 
     def __init__(self, estimates: Estimates, turned: float, moved: float):
         """turned [rad], moved [m]: change from which a keyframe or plane is linearised anew."""
         self._estimates = estimates
         self._watch = Watch(estimates, turned, moved)
-        self._vectors = np.zeros((64, 6))
-        self._now = np.zeros((64, 6))
         self._keyframes: list[IntArray] = []
         self._planes: list[IntArray] = []
 
@@ -84,19 +79,13 @@ class LinearPoint:
         """(P, 3)"""
         return self._watch.coordinates
 
-    @property
-    def vectors(self) -> Array:
-        """(K, 6)"""
-        return self._vectors[: len(self.poses)]
-
-    def take(self, keyframes: IntArray, vectors: Array, planes: IntArray, x: Array) -> None:
+    def take(self, keyframes: IntArray, steps: Array, planes: IntArray, x: Array) -> None:
         """What the solver says of keyframes (N,), (N, 6), and of planes (M,), (M, 3), becomes their
         estimates."""
-        T, step = self.poses[keyframes], vectors - self._vectors[keyframes]
+        T = self.poses[keyframes]
         poses = T.copy()
-        poses[:, :3, :3] = T[:, :3, :3] @ so3_exp(step[:, :3])
-        poses[:, :3, 3] += (T[:, :3, :3] @ step[:, 3:, None])[:, :, 0]
-        self._now[keyframes] = vectors
+        poses[:, :3, :3] = T[:, :3, :3] @ so3_exp(steps[:, :3])
+        poses[:, :3, 3] += (T[:, :3, :3] @ steps[:, 3:, None])[:, :, 0]
         self._estimates.poses[keyframes] = poses
         self._estimates.set_planes(planes, x)
         self._keyframes.append(keyframes)
@@ -104,15 +93,12 @@ class LinearPoint:
 
     def follow(self) -> tuple[IntArray, IntArray]:
         """Goes to the estimates of what is new, and of what has moved. Returns the latter:
-        keyframes, planes."""
+        keyframes, planes; the solver's step of such a keyframe is from here on."""
         self._watch.welcome()
-        self._vectors = room_for(self._vectors, len(self.poses))
-        self._now = room_for(self._now, len(self.poses))
         none = np.empty(0, dtype=np.int64)
-        keyframes, planes = self._watch.moved(
+        moved = self._watch.moved(
             np.unique(np.concatenate([none, *self._keyframes])),
             np.unique(np.concatenate([none, *self._planes])),
         )
         self._keyframes, self._planes = [], []
-        self._vectors[keyframes] = self._now[keyframes]
-        return keyframes, planes
+        return moved

@@ -12,7 +12,7 @@ from slam.estimates import Estimates, room_for
 from slam.factors import huber, sighting
 from slam.linearpoint import LinearPoint
 from slam.solver import Solver
-from slam.variables import keyframe_key, plane_key
+from slam.variables import NO_STEP, keyframe_key, plane_key
 
 SIGHTING = "plane"
 
@@ -32,6 +32,7 @@ class Sightings:
         self._robust = robust
         self._stale = stale
         self._row: dict[tuple[int, int], int] = {}
+        self._rows_made = 0
         self._by_keyframe: dict[int, set[int]] = {}
         self._by_plane: dict[int, set[int]] = {}
         self._of = np.zeros((256, 2), dtype=np.int64)  # keyframe and plane of each
@@ -53,7 +54,7 @@ class Sightings:
         self._changed.add(row)
 
     def _new(self, keyframe: int, place: int, observation: PlaneObservation) -> int:
-        row = len(self._row)
+        row, self._rows_made = self._rows_made, self._rows_made + 1
         self._row[keyframe, place] = row
         self._by_keyframe.setdefault(keyframe, set()).add(row)
         self._of = room_for(self._of, row)
@@ -67,7 +68,7 @@ class Sightings:
 
     def forget(self, keyframe: int, place: int) -> None:
         """The observation is of nothing."""
-        row = self._row[keyframe, place]
+        row = self._row.pop((keyframe, place))
         self._by_plane[int(self._of[row, 1])].discard(row)
         self._by_keyframe[keyframe].discard(row)
         self._of[row, 1] = -1
@@ -115,7 +116,7 @@ class Sightings:
         for keyframe, plane, b, A, B in zip(keyframes, planes, *parts, strict=True):
             linear.add(keyframe_key(keyframe), A, plane_key(plane), B, b, self._unit)
         for keyframe in dict.fromkeys(keyframes):
-            at.insert(keyframe_key(keyframe), self._at.vectors[keyframe])
+            at.insert(keyframe_key(keyframe), NO_STEP)
         for plane in dict.fromkeys(planes):
             at.insert(plane_key(plane), self._at.coordinates[plane])
         graph = gtsam.LinearContainerFactor.ConvertLinearGraph(linear, at)

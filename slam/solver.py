@@ -16,7 +16,8 @@ import numpy as np
 
 from slam.core import Array, RunError
 
-Vector = Array | float
+Value = Array | float
+"""Of a variable: a vector, or a number."""
 
 
 @contextmanager
@@ -57,7 +58,7 @@ class Solver:
         self._pending.pop(name, None)
         self._residuals.pop(name, None)
 
-    def insert(self, key: int, value: Vector) -> None:
+    def insert(self, key: int, value: Value) -> None:
         """A new variable, and where it is thought to be."""
         self._values.insert(key, value)
 
@@ -105,8 +106,9 @@ class Solver:
         return np.array(self._isam.calculateEstimatePoint2(key))
 
     def values(self) -> gtsam.Values:
-        """Of all variables."""
-        return self._isam.calculateEstimate()
+        """Of all variables, exactly: answers about single ones leave out what changes by less than
+        a thousandth."""
+        return self._isam.calculateBestEstimate()
 
     def covariance(self, key: int) -> Array:
         """Marginal covariance of a variable."""

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import gtsam
+import numpy as np
 
 from slam.estimates import Estimates
 from slam.linearpoint import LinearPoint
-from slam.solver import Vector
+from slam.solver import Value
 
 KEYFRAME, PLANE, THICKNESS, WALL, ROOM, FLOOR = "x", "p", "t", "w", "r", "f"
+
+NO_STEP = np.zeros(6)
+"""What the solver has for a keyframe where that is linearised."""
 
 _KIND = {ord(letter) << 56: letter for letter in (KEYFRAME, PLANE)}
 _NUMBER = (1 << 56) - 1
@@ -33,9 +37,9 @@ class Variables:
     def __init__(self, estimates: Estimates, at: LinearPoint):
         self._estimates = estimates
         self._at = at
-        self._others: dict[int, Vector] = {}
+        self._others: dict[int, Value] = {}
 
-    def set(self, key: int, value: Vector) -> None:
+    def set(self, key: int, value: Value) -> None:
         """The value of one that is neither a keyframe nor a plane."""
         self._others[key] = value
 
@@ -67,7 +71,7 @@ class Variables:
         for key in keys:
             kind, number = _KIND.get(key & ~_NUMBER), key & _NUMBER
             if kind == KEYFRAME:
-                values.insert(key, self._at.vectors[number])
+                values.insert(key, NO_STEP)
             else:
                 known = self._at.coordinates[number] if kind == PLANE else self._others[key]
                 values.insert(key, known)

@@ -80,12 +80,6 @@ def random_direction(rng):
     return n / np.linalg.norm(n)
 
 
-def values_with_pose(T):
-    values = gtsam.Values()
-    values.insert(POSE, gtsam.Pose3(T))
-    return values
-
-
 def seen(*observations):
     """Rows and roots of the information of what keyframes observed."""
     whiten = np.linalg.cholesky(np.linalg.inv([o.covariance for o in observations]))

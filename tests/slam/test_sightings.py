@@ -3,7 +3,7 @@ import pytest
 
 from eval.growth import observations
 from slam.backend import BackEnd
-from slam.core import PlaneObservation
+from slam.core import PlaneObservation, RunError
 from slam.graph import LayeredGraph
 
 LEFT = np.array([0.0, 1.0, 0.0])
@@ -58,8 +58,22 @@ def test_what_is_forgotten_counts_no_more(graph):
     graph.drop_plane(plane)
     assert residuals(graph) == 0
     assert graph.variable_count() == 1
-    graph.observe(0, wall(graph, 3.0), seen(3.0), 2)
+    again = wall(graph, 3.0)
+    graph.observe(0, again, seen(3.0), 2)
     assert residuals(graph) == 3
+    graph.observe(0, again, seen(3.0), 1)  # one that was forgotten
+    assert residuals(graph) == 6
+
+
+def test_a_plane_that_nothing_observes_any_more_is_told_of():
+    graph = LayeredGraph()
+    graph.add_keyframe(0, np.eye(4), None)
+    for place, d in enumerate((2.0, 3.0)):
+        graph.observe(0, wall(graph, d), seen(d), place)
+    graph.optimise(whole=True)
+    graph.forget(0, 1)
+    with pytest.raises(RunError, match="a plane is not observed"):
+        graph.optimise(whole=True)
 
 
 def test_a_plane_that_comes_and_goes_between_two_updates_leaves_nothing(graph):
