@@ -14,7 +14,8 @@ from eval.detectors import DETECTORS, ODOMETRIES, check_name
 from eval.names import known, refuse
 
 LAYERS = ("planes", "rooms", "rooms+walls")
-FACTORS = ("paper", "informative")
+FACTORS = ("paper", "informative", "parallel", "perpendicular", "thickness", "merging")
+"""As published; that and all relations between planes; or that and one kind of them."""
 LOOPS = ("on", "off")
 
 

@@ -17,6 +17,7 @@ from eval.steps import Step, TruthFilter, live_steps
 from slam.backend import BackEnd, BackEndConfig
 from slam.frontend import FrontEnd
 from slam.loops import LoopConfig
+from slam.relations import relations_named
 
 
 @dataclass
@@ -57,7 +58,7 @@ def back_end_config(config: RunConfig) -> BackEndConfig:
     """What a run's options ask of the back end."""
     return BackEndConfig(
         layers=config.layers,
-        factors=config.factors,
+        relations=relations_named(config.factors),
         loops=LoopConfig() if config.loops == "on" else None,
     )
 

@@ -36,14 +36,13 @@ from slam.support import Observed
 
 @dataclass(frozen=True)
 class BackEndConfig:
-    """layers: what enters the graph beside keyframes and planes; factors: how it constrains the
-    planes, as published or by the relations too; loops: None closes none;
-    merge_every: keyframes between two searches for planes that are one; near [m], often: a keyframe
-    so near an earlier one adds nothing if all planes that it sees have been seen so often."""
+    """layers: what enters the graph beside keyframes and planes; relations: what that says of
+    planes beside the published factors (None: nothing); loops: None closes none; merge_every:
+    keyframes between two searches for planes that are one; near [m], often: a keyframe so near an
+    earlier one adds nothing if all planes that it sees have been seen so often."""
 
     layers: str = "rooms+walls"
-    factors: str = "paper"
-    relations: RelationConfig = field(default_factory=RelationConfig)
+    relations: RelationConfig | None = None
     loops: LoopConfig | None = field(default_factory=LoopConfig)
     merge_every: int = 5
     near: float = 0.25
@@ -71,7 +70,7 @@ class BackEnd:
         self._T_map_track = np.eye(4)
         self._failed = False
         self._up = Up()
-        self._relations = Relations(config.relations)
+        self._relations = None if config.relations is None else Relations(config.relations)
         self._closer = LoopCloser() if config.loops is None else LoopCloser(config.loops)
 
     # --- one frame after the other ---
@@ -204,11 +203,11 @@ class BackEnd:
         with_walls = self._config.layers == "rooms+walls"
         walls = self._walls.of(proposals.walls) if with_walls else {}
         self._graph.set_concepts(rooms, walls)
-        if self._config.factors == "informative":
-            if self._config.relations.merging:
-                apart = self._config.relations.apart
-                self._merge_pairs(one_in_a_room(rooms.values(), self._planes, apart))
-            self._relate(rooms, walls)
+        relations = self._config.relations
+        if relations is not None and relations.merging:
+            self._merge_pairs(one_in_a_room(rooms.values(), self._planes, relations.apart))
+        if self._relations is not None:
+            self._relate(self._relations, rooms, walls)
 
     def _room_node(self, room: RoomProposal) -> RoomNode | None:
         return room_node(room, self._planes, self._estimates.normals)
@@ -216,13 +215,15 @@ class BackEnd:
     def _wall_node(self, wall: WallProposal) -> WallNode | None:
         return wall_node(wall, self._planes)
 
-    def _relate(self, rooms: dict[int, RoomNode], walls: dict[int, WallNode]) -> None:
+    def _relate(
+        self, relations: Relations, rooms: dict[int, RoomNode], walls: dict[int, WallNode]
+    ) -> None:
         """Makes the graph hold what rooms and walls say about planes."""
         estimates = self._estimates
         bounded = [[p for p in room.planes if estimates.alive[p]] for room in rooms.values()]
         held = [(w.planes, w.centre) for w in walls.values() if estimates.alive[[*w.planes]].all()]
-        relations = self._relations.of(bounded, held, estimates.normals, estimates.offsets)
-        self._graph.set_relations(relations, self._config.relations)
+        found = relations.of(bounded, held, estimates.normals, estimates.offsets)
+        self._graph.set_relations(found, relations.config)
 
     def optimise(self, extra_iterations: int = 0, whole: bool = False) -> None:
         """Solves the graph and brings poses, planes and the map's points up to date.

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from slam.core import Array
+from slam.core import Array, InputError
 
 Kind = Literal["parallel", "perpendicular", "thickness"]
 
@@ -56,11 +56,27 @@ class RelationConfig:
     apart: float = 0.08
 
 
+KINDS = ("parallel", "perpendicular", "thickness", "merging")
+
+
+def relations_named(name: str) -> RelationConfig | None:
+    """``paper``: none beside the published factors; ``informative``: all; a kind: that alone.
+
+    Raises InputError for another name.
+    """
+    known = ("paper", "informative", *KINDS)
+    if name not in known:
+        raise InputError(f"factors: {name!r} is unknown, expected one of {', '.join(known)}")
+    if name == "paper":
+        return None
+    return RelationConfig(**{kind: name in ("informative", kind) for kind in KINDS})
+
+
 class Relations:
     """All relations that hold now; it remembers which walls it has found equally thick."""
 
     def __init__(self, config: RelationConfig):
-        self._config = config
+        self.config = config
         self._thicknesses = Thicknesses(config)
 
     def of(
@@ -68,7 +84,7 @@ class Relations:
     ) -> set[Relation]:
         """Of rooms by the ids of their planes, and of walls. normals: (P, 3) and offsets: (P,) of
         all planes, by id."""
-        config = self._config
+        config = self.config
         found = {r for planes in rooms for r in room_relations(planes, normals, config)}
         if config.thickness:
             found |= set(self._thicknesses.relations(walls, normals, offsets))

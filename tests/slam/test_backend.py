@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, in_base, scan_box
 
+from eval.config import FACTORS
 from slam.backend import BackEnd, BackEndConfig
 from slam.concepts import RoomNode
 from slam.core import (
@@ -23,7 +24,14 @@ from slam.core import (
 )
 from slam.extraction import ExtractionConfig, extract_planes
 from slam.graph import LayeredGraph
-from slam.relations import Relation, RelationConfig, Thicknesses, room_relations
+from slam.relations import (
+    KINDS,
+    Relation,
+    RelationConfig,
+    Thicknesses,
+    relations_named,
+    room_relations,
+)
 
 BOX = box_planes(6.0, 4.0, 2.7)
 SENSOR = np.array([0.0, 0.0, 0.5])
@@ -307,9 +315,7 @@ def test_observation_of_a_merged_plane_moves_with_it():
 
 
 def informative(frames, **switches):
-    relations = RelationConfig(**switches)
-    config = BackEndConfig(factors="informative", relations=relations)
-    backend = BackEnd(config)
+    backend = BackEnd(BackEndConfig(relations=RelationConfig(**switches)))
     for frame in frames:
         if backend.add(frame):
             backend.accept(walls_of_a_room(backend.view()))
@@ -337,6 +343,26 @@ def test_relations_of_a_room_make_it_more_rectangular(frames):
     with_them = informative(made, angle=np.radians(0.1))
     without = informative(made, **off)
     assert rectangularity(with_them) < rectangularity(without)
+
+
+@pytest.mark.parametrize("kind", ["parallel", "perpendicular"])
+def test_one_kind_of_relation_may_be_asked_for_alone(frames, kind):
+    made, _ = frames
+    backend = BackEnd(BackEndConfig(relations=relations_named(kind)))
+    for frame in made:
+        if backend.add(frame):
+            backend.accept(walls_of_a_room(backend.view()))
+    assert {relation.kind for relation in backend.graph().relations} == {kind}
+
+
+def test_every_factor_of_the_command_has_its_relations():
+    asked = {name: relations_named(name) for name in FACTORS}
+    assert asked.pop("paper") is None
+    assert asked.pop("informative") == RelationConfig()
+    for name, config in asked.items():
+        assert [kind for kind in KINDS if getattr(config, kind)] == [name]
+    with pytest.raises(InputError, match="factors: 'square' is unknown"):
+        relations_named("square")
 
 
 def test_relations_leave_the_graph_with_their_room(frames):
