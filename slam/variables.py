@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import gtsam
 import numpy as np
 
+from slam.core import Array
 from slam.estimates import Estimates
 from slam.linearpoint import LinearPoint
 from slam.solver import Value
@@ -49,30 +50,28 @@ class Variables:
 
     def now(self, keys: Iterable[int]) -> gtsam.Values:
         """As estimated: poses, planes' coordinates, and the others."""
-        return self._values(keys, self._estimates)
+        return self._values(keys, self._estimates, gtsam.Pose3)
 
     def linear_point(self, keys: Iterable[int]) -> gtsam.Values:
         """The same where they are linearised."""
-        return self._values(keys, self._at)
-
-    def _values(self, keys: Iterable[int], of: Estimates | LinearPoint) -> gtsam.Values:
-        values = gtsam.Values()
-        for key in keys:
-            kind, number = _KIND.get(key & ~_NUMBER), key & _NUMBER
-            if kind == KEYFRAME:
-                values.insert(key, gtsam.Pose3(of.poses[number]))
-            else:
-                values.insert(key, of.coordinates[number] if kind == PLANE else self._others[key])
-        return values
+        return self._values(keys, self._at, gtsam.Pose3)
 
     def vectors(self, keys: Iterable[int]) -> gtsam.Values:
         """What the solver has for them where they are linearised."""
+        return self._values(keys, self._at, lambda _: NO_STEP)
+
+    def _values(
+        self,
+        keys: Iterable[int],
+        of: Estimates | LinearPoint,
+        keyframe: Callable[[Array], gtsam.Pose3 | Array],
+    ) -> gtsam.Values:
+        """keyframe: the value of one at a pose."""
         values = gtsam.Values()
         for key in keys:
             kind, number = _KIND.get(key & ~_NUMBER), key & _NUMBER
             if kind == KEYFRAME:
-                values.insert(key, NO_STEP)
+                values.insert(key, keyframe(of.poses[number]))
             else:
-                known = self._at.coordinates[number] if kind == PLANE else self._others[key]
-                values.insert(key, known)
+                values.insert(key, of.coordinates[number] if kind == PLANE else self._others[key])
         return values
