@@ -15,12 +15,12 @@ from eval.picture import plan_png
 from eval.report.run import write_report
 from eval.roomtable import ROOMS_FILE, room_rows, write_rooms
 from eval.scenegraph import scene_graph
-from eval.score_consistency import score_consistency
-from eval.score_loops import score_loops
-from eval.score_map import SurfaceDistance
-from eval.scores import RunRecord, Scores, graph_truth, score_run
+from eval.score.consistency import score_consistency
+from eval.score.loops import score_loops
+from eval.score.map import SurfaceDistance
+from eval.score.scores import RunRecord, Scores, graph_truth, score_run
+from eval.score.trajectory import Trajectory
 from eval.source import Place
-from eval.trajectory import Trajectory
 from slam.core import Linking, Proposals
 
 

@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from eval.files import check, finite, read_bytes, read_json
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import Array, pose, rotation_from_quaternion_xyzw
 
 ROOMS_LAYER = 4

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from eval.votes import check_ids
+from eval.score.votes import check_ids
 from slam.core import (
     Detector,
     MapView,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.score.trajectory import Trajectory
+from eval.score.votes import Labels, RoomVote, Voter, WallVote
 from eval.seen import SCORING, RoomVisits, SeenFaces, SeenRule, SeenStep
-from eval.trajectory import Trajectory
-from eval.votes import Labels, RoomVote, Voter, WallVote
 from sim.truth import ScanTruth
 from slam.core import Array, InputError, IntArray, MapView, Proposals, Scan, point_ids
 from worlds.truth import Truth

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eval.score_consistency import Consistency
-from eval.score_failures import Failures
-from eval.scores import Scores
+from eval.score.consistency import Consistency
+from eval.score.failures import Failures
+from eval.score.scores import Scores
 from slam.core import Array
 
 SCHEMA = "roomloop-1"
@@ -53,7 +53,7 @@ class Stages:
 
 @dataclass(frozen=True)
 class Planes:
-    """See ``score_planes.PlaneScore``."""
+    """See ``score.planes.PlaneScore``."""
 
     mapped: int | None = None
     mixed: int | None = None
@@ -63,7 +63,7 @@ class Planes:
 
 @dataclass(frozen=True)
 class Rooms:
-    """See ``score_rooms.RoomScore`` and, for the last two, ``score_time.TimeScore``."""
+    """See ``score.rooms.RoomScore`` and, for the last two, ``score.latency.TimeScore``."""
 
     truth: int | None = None
     entered: int | None = None
@@ -81,7 +81,7 @@ class Rooms:
 
 @dataclass(frozen=True)
 class Walls:
-    """See ``score_walls.WallScore``."""
+    """See ``score.walls.WallScore``."""
 
     truth: int | None = None
     detected: int | None = None

@@ -18,7 +18,7 @@ import numpy as np
 from eval.files import check, finite, read_json, read_text, write_bytes, write_text
 from eval.metrics import SCHEMA, Metrics
 from eval.pointfile import ply_vertices
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import (
     Array,
     InputError,

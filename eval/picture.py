@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eval.files import whole_file
-from eval.score_rooms import to_world
-from eval.scores import RunRecord, Scores
-from eval.trajectory import Trajectory, origin_alignment
+from eval.score.rooms import to_world
+from eval.score.scores import RunRecord, Scores
+from eval.score.trajectory import Trajectory, origin_alignment
 from slam.core import Array, MapPlane, Proposals, transform_points
 from worlds.plan import UNLABELLED
 from worlds.truth import Room, Truth

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from eval.files import check, read_csv, write_text
 from eval.scenegraph import node_id
-from eval.score_failures import Fates
+from eval.score.failures import Fates
 from worlds.truth import Truth
 
 ROOMS_FILE = "rooms.csv"
@@ -22,7 +22,7 @@ FOUND, MISSED, NOT_ENTERED, FALSE = STATES = ("found", "missed", "not entered", 
 class RoomRow:
     """room: a true room's name, empty where a false detection is about none; state: one of
     ``STATES``; detection: its node in graph.json, empty where there is none; cause: the stage that
-    had a missed or false room wrong (``score_failures``), else empty."""
+    had a missed or false room wrong (``score.failures``), else empty."""
 
     room: str
     state: str

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from eval.tables import Sheet
+    from eval.comparing.tables import Sheet
 
 OUR_PACKAGES = ("worlds", "sim", "slam", "semantics", "eval")
 PLAIN_STEPS = 10
@@ -106,7 +106,7 @@ def output() -> Console:
 
 def show_sheet(console: Console, sheet: Sheet) -> None:
     """A table of texts under its title."""
-    from eval.tables import LEFT
+    from eval.comparing.tables import LEFT
 
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in sheet.head:

@@ -93,9 +93,12 @@ def test_a_front_end_is_named_by_every_module_that_makes_it() -> None:
 
 def test_a_result_is_named_by_every_module_that_computes_it() -> None:
     reached = reached_from("eval.run")
-    of_eval = {module.removeprefix("eval.") for module in reached if module.count(".") == 1}
-    drawn = {"picture", "sinks"}
+    of_eval = {module[len("eval.") :].replace(".", "/") for module in reached if "eval." in module}
+    drawn, beside = {"picture", "sinks"}, ("commands/", "recordings/", "report/", "view/")
     assert drawn < of_eval
+    assert "score/rooms" in of_eval
+    inside = {name for name in of_eval if "/" in name and not name.startswith(beside)}
+    assert {name.partition("/")[0] for name in inside} == {"score"}
     assert not (of_eval - drawn) & set(AROUND_THE_RUN)
     assert all((ROOT / "eval" / f"{name}.py").exists() for name in AROUND_THE_RUN)
 

@@ -17,7 +17,7 @@ from eval.names import known, refuse
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from eval.ablation import Ablation, Result
+    from eval.comparing.ablation import Ablation, Result
     from eval.sweep.engine import State
 
 IN_THE_FILES = ("effect", "below/above", "scenes", "p")
@@ -59,8 +59,8 @@ def ablate(
     """
     from rich.console import Console
 
-    from eval.ablation import METRICS, evaluate
-    from eval.scenario import parse_seeds
+    from eval.comparing.ablation import METRICS, evaluate
+    from eval.comparing.scenario import parse_seeds
     from eval.screen import our_warnings_only, output
     from eval.sweep.engine import SweepConfig, sweep
 
@@ -95,7 +95,7 @@ def _list(text: str) -> list[str]:
 
 def _ablation(preset: str | None, facets: dict[str, list[str]]) -> Ablation:
     """The variants that are asked for; scenes and seeds as long as nothing else is said."""
-    from eval.ablation import PRESETS, Ablation, Variant, against_first, variants_of
+    from eval.comparing.ablation import PRESETS, Ablation, Variant, against_first, variants_of
 
     if preset is None:
         variants = variants_of(facets or {"layers": list(LAYERS)})
@@ -170,9 +170,15 @@ def _duration(seconds: float) -> str:
 
 def write_report(result: Result, folder: Path) -> list[Path]:
     """Tables as Markdown, LaTeX and CSV, and the picture."""
+    from eval.comparing.forest import forest_png
+    from eval.comparing.tables import (
+        comparisons_csv,
+        difference_sheet,
+        latex,
+        level_sheet,
+        markdown,
+    )
     from eval.files import write_bytes, write_text
-    from eval.forest import forest_png
-    from eval.tables import comparisons_csv, difference_sheet, latex, level_sheet, markdown
 
     sheets = [level_sheet(result, metric) for metric in result.ablation.metrics]
     sheets += [difference_sheet(result)] if result.comparisons else []
@@ -185,8 +191,8 @@ def write_report(result: Result, folder: Path) -> list[Path]:
 
 
 def _show(console: Console, result: Result, errors: Sequence[str], files: Sequence[Path]) -> None:
+    from eval.comparing.tables import NOTE, difference_sheet, level_sheet
     from eval.screen import line, show_sheet
-    from eval.tables import NOTE, difference_sheet, level_sheet
 
     for metric in result.ablation.metrics[:1]:
         show_sheet(console, level_sheet(result, metric))

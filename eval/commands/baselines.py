@@ -20,7 +20,7 @@ def baselines(
 
     Each line is a change that was for the better.
     """
-    from eval.baseline_search import METHODS, searches
+    from eval.studies.baseline_search import METHODS, searches
 
     if only is not None:
         known("only", only, METHODS)

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eval.calibration import Comparison
+    from eval.studies.calibration import Comparison
 
 Option = typer.Option
 
@@ -32,8 +32,8 @@ def calibrate(
     """
     from rich.console import Console
 
-    from eval.calibration import compare, save_picture, write_sensor
     from eval.files import make_folder
+    from eval.studies.calibration import compare, save_picture, write_sensor
     from sim.sensorfile import sensor_named
 
     for path in filter(None, (out, toml)):
@@ -56,7 +56,7 @@ def _table(found: Comparison) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from eval.calibration import COLUMNS
+    from eval.studies.calibration import COLUMNS
 
     table = Table("beam", box=SIMPLE_HEAD, padding=0, caption="recorded / simulated")
     columns = [(c.of(found.recorded), c.of(found.simulated)) for c in COLUMNS]

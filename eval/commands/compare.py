@@ -32,12 +32,12 @@ def compare(
     """
     from rich.console import Console
 
-    from eval.compare import GATE, change_sheet, read_results, regressions
-    from eval.compare import compare as compare_results
+    from eval.comparing.compare import GATE, change_sheet, read_results, regressions
+    from eval.comparing.compare import compare as compare_results
+    from eval.comparing.tables import markdown as markdown_of
+    from eval.comparing.values import check_metric
     from eval.files import write_text
     from eval.screen import line, output, show_sheet
-    from eval.tables import markdown as markdown_of
-    from eval.values import check_metric
 
     if not (math.isfinite(tolerance) and tolerance >= 0.0):
         refuse(f"tolerance: expected percent from 0, got {tolerance}")

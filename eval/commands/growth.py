@@ -20,7 +20,7 @@ def semantics(
     from rich.console import Console
     from rich.table import Table
 
-    from eval.bench_semantics import bench_semantics
+    from eval.bench.semantics import bench_semantics
 
     table = Table("planes", "case", box=SIMPLE_HEAD)
     for name in ("ms", "ms of processor"):
@@ -42,8 +42,8 @@ def growth(
     from rich.console import Console
     from rich.table import Table
 
-    from eval.growth import GrowthConfig
-    from eval.growth import growth as measure
+    from eval.bench.growth import GrowthConfig
+    from eval.bench.growth import growth as measure
     from eval.screen import RunProgress
     from semantics.detector import make_detector
 

@@ -14,7 +14,7 @@ from eval.detectors import ODOMETRIES
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eval.odometry_study import Factory, StudyRow
+    from eval.studies.odometry import Factory, StudyRow
 
 Option = typer.Option
 Many = list[str]
@@ -42,8 +42,8 @@ def odometry(
     """Odometries alone on drives of every combination: ATE, RPE, where they lose track."""
     from rich.console import Console
 
-    from eval.odometry_study import StudyCase, StudyFile, cases, study
     from eval.screen import RunProgress, our_warnings_only
+    from eval.studies.odometry import StudyCase, StudyFile, cases, study
 
     screen = Console(stderr=True)
     our_warnings_only(screen)
@@ -129,7 +129,7 @@ def _summary(rows: Sequence[StudyRow]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from eval.odometry_study import summaries
+    from eval.studies.odometry import summaries
 
     table = Table("odometry", box=SIMPLE_HEAD, padding=0)
     for name in ("mean ATE cm", "worst", "drives", "lost", "ms a scan"):

@@ -9,7 +9,7 @@ import typer
 from eval.detectors import ODOMETRIES
 
 if TYPE_CHECKING:
-    from eval.odometry_study import Factory, StudyCase
+    from eval.studies.odometry import Factory, StudyCase
 
 Option = typer.Option
 
@@ -25,7 +25,7 @@ def pace(
     from functools import partial
 
     from eval.detectors import check_name, make_odometry
-    from eval.odometry_study import StudyCase
+    from eval.studies.odometry import StudyCase
 
     check_name("odometry", odometry, ODOMETRIES)
     case = StudyCase(scene, seed, sensor, duration=duration)
@@ -38,7 +38,7 @@ def _show(case: StudyCase, make: Factory) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from eval.pace import pace as measure
+    from eval.bench.pace import pace as measure
 
     table = Table("simulated", box=SIMPLE_HEAD)
     for name in ("ms a scan", "waiting", "odometry", "times real time"):
@@ -57,8 +57,8 @@ def _show_stage(case: StudyCase, name: str, other: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from eval.bench.pace import stage_times
     from eval.detectors import make_odometry
-    from eval.pace import stage_times
 
     found = stage_times(case, partial(make_odometry, name), partial(make_odometry, other))
     table = Table("on the same scans", "ms a scan", box=SIMPLE_HEAD)

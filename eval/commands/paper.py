@@ -13,9 +13,9 @@ from eval.config import RunConfig
 from eval.names import refuse
 
 if TYPE_CHECKING:
+    from eval.comparing.tables import Sheet
     from eval.paper.figures import Panel
     from eval.paper.study import Group, Measured
-    from eval.tables import Sheet
 
 Option = typer.Option
 
@@ -61,9 +61,9 @@ def paper(
     from rich.console import Console
 
     from eval.commands.ablate import SweepWatch, check_runs
+    from eval.comparing.scenario import parse_seeds
     from eval.paper.keep import RUN_AND_KEEP
     from eval.paper.study import measure
-    from eval.scenario import parse_seeds
     from eval.screen import line, our_warnings_only, output
     from eval.sweep.engine import SweepConfig
 
@@ -139,9 +139,9 @@ class _Asked:
 
 def _write(kind: str, asked: _Asked, measured: Sequence[Measured]) -> list[Path]:
     """The report as Markdown and LaTeX, its pictures, and all comparisons as CSV."""
+    from eval.comparing.tables import comparisons_csv, latex
     from eval.files import write_bytes, write_text
     from eval.paper.report import report_text
-    from eval.tables import comparisons_csv, latex
 
     sheets, pictures = _contents(kind, asked, measured)
     shown = {f"{kind}-{name}.png": data for name, data in pictures.items()}

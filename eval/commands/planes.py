@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eval.planebench import PlaneBench
+    from eval.bench.planes import PlaneBench
 
 Option = typer.Option
 
@@ -25,8 +25,8 @@ def planes(
     """Planes of single sweeps: true faces found, errors, mixed planes, time; three methods."""
     from rich.console import Console
 
+    from eval.bench.planes import METHODS, bench_planes, looks_at
     from eval.config import RunConfig
-    from eval.planebench import METHODS, bench_planes, looks_at
     from eval.source import make_world
     from sim.sensorfile import sensor_named
 

@@ -111,7 +111,7 @@ def run(
     )
     from rich.console import Console
 
-    from eval.runtables import show_result
+    from eval.comparing.runtables import show_result
     from eval.screen import RunProgress, our_warnings_only
 
     screen = Console(stderr=True)

@@ -12,15 +12,15 @@ from eval.names import refuse
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from eval.batch import Outcome, Progress
-    from eval.scenario import Scenario
+    from eval.comparing.batch import Outcome, Progress
+    from eval.comparing.scenario import Scenario
 
 
 def run_command(scene: str, seeds: str | None, flags: Mapping[str, object]) -> int:
     """Runs it all and shows what came of it; the exit status. flags: those that were given."""
     from rich.console import Console
 
-    from eval.batch import run_scenario
+    from eval.comparing.batch import run_scenario
     from eval.screen import RunProgress, our_warnings_only
 
     screen = Console(stderr=True)
@@ -41,7 +41,7 @@ def run_command(scene: str, seeds: str | None, flags: Mapping[str, object]) -> i
 def _scenario(scene: str, seeds: str | None, flags: Mapping[str, object]) -> Scenario:
     from dataclasses import replace
 
-    from eval.scenario import is_scenario, of_flags, parse_seeds, read_scenario
+    from eval.comparing.scenario import is_scenario, of_flags, parse_seeds, read_scenario
 
     if seeds is not None and "seed" in flags:
         refuse("seeds: expected --seed or --seeds, got both")
@@ -53,7 +53,7 @@ def _scenario(scene: str, seeds: str | None, flags: Mapping[str, object]) -> Sce
 
 
 def _show(console: Console, outcome: Outcome) -> None:
-    from eval.runtables import seeds_table, show_result
+    from eval.comparing.runtables import seeds_table, show_result
     from eval.screen import line
 
     if len(outcome.runs) == 1:

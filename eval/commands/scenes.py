@@ -63,7 +63,7 @@ def scenes(
 
 
 def _print_table(console: Console) -> None:
-    from eval.runtables import counts_table
+    from eval.comparing.runtables import counts_table
     from worlds.catalogue import load_scene, scene_counts, scene_names
 
     console.print(counts_table([scene_counts(load_scene(name)) for name in scene_names()]))

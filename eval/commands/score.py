@@ -11,10 +11,10 @@ from eval.config import RunConfig
 from eval.names import known, refuse
 
 if TYPE_CHECKING:
+    from eval.comparing.tables import Sheet
     from eval.metrics import Metrics
-    from eval.score_foreign import Foreign
-    from eval.tables import Sheet
-    from eval.trajectory import Trajectory
+    from eval.score.foreign import Foreign
+    from eval.score.trajectory import Trajectory
 
 Option = typer.Option
 File = Path | None
@@ -46,7 +46,7 @@ def score(
     """
     from eval.files import make_folder, write_text
     from eval.outputs import metrics_json
-    from eval.score_foreign import score_foreign
+    from eval.score.foreign import score_foreign
     from eval.screen import line, output, show_sheet
 
     if trajectory is map is rooms is dsg is None:
@@ -90,7 +90,7 @@ def _foreign(trajectory: File, cloud: File, rooms: File, dsg: File, frame: str) 
     from eval.foreign import read_dsg, read_rooms
     from eval.outputs import read_tum
     from eval.pointfile import read_cloud
-    from eval.score_foreign import Foreign, base_poses
+    from eval.score.foreign import Foreign, base_poses
     from sim.base import BaseConfig
 
     estimate = None if trajectory is None else read_tum(trajectory)
@@ -113,8 +113,8 @@ SHOWN = (
 
 def score_sheet(metrics: Metrics) -> Sheet:
     """What applies, one row a number."""
-    from eval.tables import Sheet
-    from eval.values import value_of
+    from eval.comparing.tables import Sheet
+    from eval.comparing.values import value_of
 
     values = {name: value_of(metrics, name) for name in SHOWN}
     rows = tuple((name, f"{value:.6g}") for name, value in values.items() if value is not None)

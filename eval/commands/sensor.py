@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from eval.sensorbench import SweepTimes
+    from eval.bench.sensor import SweepTimes
 
 Option = typer.Option
 
@@ -30,8 +30,8 @@ def sensor(
     """Whole sweeps with their noise, their casting, and Embree alone on the same rays."""
     from rich.console import Console
 
+    from eval.bench.sensor import time_sweeps
     from eval.config import RunConfig
-    from eval.sensorbench import time_sweeps
     from eval.source import make_world
     from sim.sensorfile import sensor_named
 

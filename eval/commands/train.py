@@ -91,8 +91,8 @@ def _config(
 
 
 def _train(console: Console, config: TrainConfig, pictures: Path) -> None:
-    from eval.curves import curves_png
     from eval.screen import RunProgress
+    from eval.studies.curves import curves_png
     from semantics.train import train as train_networks
 
     with RunProgress("training", _errors(), "%") as progress:
@@ -115,8 +115,8 @@ def _study(
     console: Console, seed: int, layouts: int | None, epochs: int | None, folder: Path
 ) -> None:
     from eval.screen import RunProgress
-    from eval.study import StudyConfig, study, write_study
-    from eval.studytables import STUDIED, TRAINED, concepts_table, edges_table
+    from eval.studies.choices import StudyConfig, study, write_study
+    from eval.studies.tables import STUDIED, TRAINED, concepts_table, edges_table
 
     default = StudyConfig()
     config = StudyConfig(layouts or default.layouts, epochs or default.epochs, seed)
@@ -130,10 +130,10 @@ def _study(
 
 
 def _judge(console: Console, folder: Path) -> None:
-    from eval.confusion import confusion_png
-    from eval.edgelimits import edge_limits
-    from eval.study import held_out, sweep
-    from eval.studytables import limits_table, thresholds_table
+    from eval.studies.choices import held_out, sweep
+    from eval.studies.confusion import confusion_png
+    from eval.studies.edgelimits import edge_limits
+    from eval.studies.tables import limits_table, thresholds_table
     from semantics.detector import CONSERVATIVE
 
     tests = held_out(processes=2)
@@ -150,7 +150,7 @@ def _judge(console: Console, folder: Path) -> None:
 
 def _judge_plans(console: Console, files: Sequence[str]) -> None:
     """From true faces: what is seen of them, with the noise of mapped planes."""
-    from eval.study import on_plans
+    from eval.studies.choices import on_plans
     from worlds.catalogue import load_scene
 
     _print_judged(console, on_plans({Path(file).stem: load_scene(file) for file in files}))
@@ -158,8 +158,8 @@ def _judge_plans(console: Console, files: Sequence[str]) -> None:
 
 def _print_judged(console: Console, tests: Mapping[str, Sequence[Sample]]) -> None:
     """Tables of what every detector makes of samples, by where they come from."""
-    from eval.study import Row, judge
-    from eval.studytables import JUDGED, concepts_table, edges_table
+    from eval.studies.choices import Row, judge
+    from eval.studies.tables import JUDGED, concepts_table, edges_table
     from semantics.detector import PRESETS
 
     rows = [

@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eval.watchcost import RunCost
+    from eval.bench.watching import RunCost
 
 Option = typer.Option
 
@@ -27,7 +27,7 @@ def watching(
 
     from rich.console import Console
 
-    from eval.watchcost import by_turns
+    from eval.bench.watching import by_turns
 
     arguments = [scene, "--duration", str(duration), "--seed", str(seed)]
     with TemporaryDirectory() as folder:
@@ -38,7 +38,7 @@ def _table(costs: dict[str, list[RunCost]]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from eval.watchcost import middle
+    from eval.bench.watching import middle
 
     table = Table("run", box=SIMPLE_HEAD, caption="medians; processor with start-up and all files")
     for column in ("loop, s", "of headless", "processor, s", "of headless", "recording, MB"):

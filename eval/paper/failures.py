@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eval.ablation import Result
+from eval.comparing.ablation import Result
+from eval.comparing.tables import Sheet
 from eval.paper.published import BASELINES, WITHOUT_PLANES
 from eval.paper.sheets import NONE
 from eval.paper.study import CAUSES, ENTERED
-from eval.tables import Sheet
 
 
 def _causes(kind: str) -> list[str]:

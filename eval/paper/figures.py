@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eval.ablation import Result
+from eval.comparing.ablation import Result
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode
 from eval.metrics import Metrics
 from eval.paper.published import COUNTS, OURS, WALL_COUNTS, WITHOUT_PLANES
 from eval.paper.sheets import spread
 from eval.picture import FACE, FALSE, MISSED, ROOM, TRUE
-from eval.score_rooms import match_centres, to_world
-from eval.votes import RoomVote, inner_point
+from eval.score.rooms import match_centres, to_world
+from eval.score.votes import RoomVote, inner_point
 from slam.core import Array, RoomProposal
 from worlds.truth import Room, Truth
 

@@ -17,7 +17,7 @@ HYDRA, SGRAPHS, ROOMS_ONLY, OURS, GREEDY = (
 """The paper's methods, as the tables here call them."""
 
 HYDRA_TUNED, SGRAPHS_TUNED = f"{HYDRA}, tuned", f"{SGRAPHS}, tuned"
-"""The same with the parameters that suit a 16-beam sensor best (``eval.baseline_search``)."""
+"""The same with what suits a 16-beam sensor best (``eval.studies.baseline_search``)."""
 
 BASELINES = (HYDRA, HYDRA_TUNED, SGRAPHS, SGRAPHS_TUNED)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from eval.ablation import Result
-from eval.bounds import Bound
+from eval.comparing.ablation import Result
+from eval.comparing.bounds import Bound
+from eval.comparing.tables import Sheet, markdown
 from eval.paper.failures import causes_sheet, failures_sheet
 from eval.paper.figures import Panel, rooms_caption, walls_caption
 from eval.paper.published import (
@@ -41,7 +42,6 @@ from eval.paper.sheets import (
     summary_sheet,
 )
 from eval.paper.study import INFORMATIVE, Measured
-from eval.tables import Sheet, markdown
 
 AIMS = (
     Bound("rooms.precision", ">=", 1.0),

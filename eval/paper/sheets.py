@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eval.ablation import BOOTSTRAP_SEED, Level, Result
-from eval.bounds import Bound
+from eval.comparing.ablation import BOOTSTRAP_SEED, Level, Result
+from eval.comparing.bounds import Bound
+from eval.comparing.stats import Interval, bootstrap, mean_over_scenes
+from eval.comparing.tables import Sheet, number, signed, unit_of
 from eval.paper.published import (
     BASELINES,
     NOT_PUBLISHED,
@@ -19,8 +21,6 @@ from eval.paper.published import (
     Values,
 )
 from eval.paper.study import DETECTORS, Measured
-from eval.stats import Interval, bootstrap, mean_over_scenes
-from eval.tables import Sheet, number, signed, unit_of
 from slam.core import Array
 from worlds.catalogue import load_scene, scene_counts
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.ablation import Ablation, Result, evaluate, make_variant
+from eval.comparing.ablation import Ablation, Result, evaluate, make_variant
 from eval.config import RunConfig
 from eval.files import write_text
 from eval.paper.published import (

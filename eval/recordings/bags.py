@@ -13,7 +13,7 @@ import numpy as np
 
 from eval.recordings.clouds import BadCloud, PointCloud2, read_cloud, scan_of
 from eval.recordings.recording import RecordingOptions, is_tum, truth_beside
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import (
     Array,
     InputError,

@@ -9,7 +9,7 @@ import numpy as np
 
 from eval.recordings.labels import LabelsFile
 from eval.recordings.recording import Recording, poses_at
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from sim.truth import ScanTruth
 from slam.core import Array, InputError, Scan
 from worlds.truth import NO_FACE

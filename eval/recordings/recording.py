@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.outputs import read_tum
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import Array, Scan, interpolate, pose
 
 

@@ -17,8 +17,8 @@ from eval.graphfile import PlaneNode, RoomNode, SceneGraph, read_graph
 from eval.outputs import read_tum
 from eval.report import html, svg
 from eval.roomtable import FALSE, FOUND, MISSED, ROOMS_FILE, RoomRow, read_rooms
-from eval.score_rooms import to_world
-from eval.trajectory import Trajectory, align, origin_alignment, position_errors, travelled
+from eval.score.rooms import to_world
+from eval.score.trajectory import Trajectory, align, origin_alignment, position_errors, travelled
 from slam.core import Array, InputError
 
 REPORT_FILE = "report.html"
@@ -36,7 +36,7 @@ CAUSES = {
     "edges": "its walls are mapped; the detector did not join them, or joined them with others'",
     "clustering": "its walls are mapped; the detector made something else of them",
 }
-"""The causes of ``eval/score_failures.py`` in other words."""
+"""The causes of ``eval/score/failures.py`` in other words."""
 
 
 @dataclass(frozen=True)

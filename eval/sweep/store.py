@@ -17,12 +17,12 @@ from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
+from eval.comparing.values import metric_names, value_of
 from eval.config import RunConfig
 from eval.files import check, read_json, whole_file, write_text
 from eval.folder import config_values
 from eval.metrics import SCHEMA
 from eval.sweep.job import NOT_OF_THE_RESULT, Job, Row, row_of, row_text
-from eval.values import metric_names, value_of
 from slam.core import InputError
 
 MARK_FILE = "sweep.json"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from eval.trajectory import align
+from eval.score.trajectory import align
 from slam.core import Array, PlanePiece, Proposals, inverse, transform_points
 from worlds.truth import Truth
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from eval.config import RunConfig
 from eval.metrics import SCHEMA, Latency, Loops, Metrics, Planes, Rooms, Stages, Walls
-from eval.score_consistency import Consistency
-from eval.score_failures import Failures
+from eval.score.consistency import Consistency
+from eval.score.failures import Failures
 from eval.sweep.work import FailedRun
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eval.labels import TruthKeeper
-from eval.votes import inside, majority, strict_owner
+from eval.score.votes import inside, majority, strict_owner
 from slam.core import (
     InputError,
     MapView,

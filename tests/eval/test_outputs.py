@@ -34,9 +34,9 @@ from eval.outputs import (
     write_ply,
     write_tum,
 )
-from eval.score_consistency import ChiSquares, Consistency, Nees
-from eval.score_failures import Failures
-from eval.trajectory import Trajectory
+from eval.score.consistency import ChiSquares, Consistency, Nees
+from eval.score.failures import Failures
+from eval.score.trajectory import Trajectory
 from slam.core import InputError, pose, so3_exp
 
 SEGMENT = np.array([[0.0, 1.0], [2.5, 1.0]])

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from fakes import metrics_of
 
-from eval.ablation import BOOTSTRAP_SEED
 from eval.cli import main
 from eval.commands.paper import _Asked, plan_files
+from eval.comparing.ablation import BOOTSTRAP_SEED
+from eval.comparing.stats import bootstrap
+from eval.comparing.tables import Sheet
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Metrics, Rooms, Walls
@@ -36,11 +38,9 @@ from eval.paper.published import (
 )
 from eval.paper.sheets import rooms_sheet, spread, summary_sheet
 from eval.paper.study import Measured
-from eval.score_failures import Failures
-from eval.stats import bootstrap
+from eval.score.failures import Failures
 from eval.sweep.job import Job, Row
 from eval.sweep.store import open_store
-from eval.tables import Sheet
 from slam.core import InputError
 from worlds.catalogue import load_scene, scene_counts
 

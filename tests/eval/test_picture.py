@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eval.picture import FALSE, TRUE, UNJUDGED, RunPicture, run_figure, save
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import InputError, Proposals, RoomProposal, inverse
 
 

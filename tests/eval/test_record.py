@@ -19,8 +19,8 @@ from eval.recordings.bags import BagRecording
 from eval.recordings.clouds import BadCloud
 from eval.recordings.labels import LabelsFile
 from eval.run import RunResult, run
+from eval.score.trajectory import Trajectory
 from eval.source import make_source, make_world
-from eval.trajectory import Trajectory
 from slam.core import InputError, RunError, Scan
 
 pytest.importorskip("rosbags")

@@ -10,12 +10,12 @@ import pytest
 from eval import registered
 from eval.config import RunConfig
 from eval.labels import TruthKeeper
-from eval.odometry_study import StudyCase, drive
 from eval.outputs import read_metrics
 from eval.registered import RegisteredAhead
 from eval.run import run
 from eval.source import AHEAD_FROM, make_drive, make_source, make_world
 from eval.steps import live_steps
+from eval.studies.odometry import StudyCase, drive
 from slam.core import InputError, RunError
 from slam.frontend import FrontEnd
 from slam.kiss import KissOdometry

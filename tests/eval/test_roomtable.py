@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from eval.roomtable import RoomRow, read_rooms, room_rows, write_rooms
-from eval.score_failures import Fates, Fault
+from eval.score.failures import Fates, Fault
 
 
 def test_every_room_has_one_row_and_so_has_every_false_detection(house) -> None:

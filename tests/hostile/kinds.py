@@ -14,7 +14,8 @@ from bagfiles import Bag, drive
 from fakes import metrics_of
 from packetfiles import Capture, capture_of, encode, turning, write_packets
 
-from eval.compare import read_results
+from eval.comparing.compare import read_results
+from eval.comparing.scenario import read_scenario
 from eval.config import RunConfig
 from eval.files import write_text
 from eval.folder import config_text, read_config
@@ -39,8 +40,7 @@ from eval.report.ablation import ablation_page
 from eval.report.run import read_run, run_page
 from eval.roomtable import RoomRow, write_rooms
 from eval.roomtable import read_rooms as read_room_table
-from eval.scenario import read_scenario
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from semantics.network import load
 from sim.sensorfile import read_sensor
 from sim.truth import ScanTruth

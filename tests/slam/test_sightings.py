@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eval.growth import observations
+from eval.bench.growth import observations
 from slam.backend import BackEnd
 from slam.core import PlaneObservation, RunError
 from slam.graph import LayeredGraph

@@ -11,7 +11,7 @@ from packetfiles import encode, turning, write_packets
 
 from eval.outputs import write_tum
 from eval.recordings import RecordingOptions, open_recording, poses_at
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import InputError
 
 

@@ -15,7 +15,7 @@ from eval.outputs import write_tum
 from eval.report import html, svg
 from eval.report.ablation import ablation_page, write_ablation
 from eval.report.run import leaves, number, read_run, run_page, write_report
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from slam.core import InputError, pose
 
 NASTY = '<script>alert("&")</script>'

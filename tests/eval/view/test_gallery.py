@@ -14,7 +14,7 @@ from eval.config import RunConfig
 from eval.folder import config_text
 from eval.outputs import write_tum
 from eval.report import run as report
-from eval.trajectory import Trajectory
+from eval.score.trajectory import Trajectory
 from eval.view import recordings, shots
 from eval.view.shots import Shot
 from eval.view.viewers import ViewerError

@@ -1,0 +1,1 @@
+"""How long a part takes, alone and beside others."""

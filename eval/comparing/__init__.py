@@ -1,0 +1,1 @@
+"""Runs beside runs: scenarios with their bounds, ablations, two sets of results; their tables."""

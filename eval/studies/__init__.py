@@ -1,0 +1,1 @@
+"""What the choices of detectors, odometry and sensor model are made from."""

@@ -1,0 +1,208 @@
+"""The baselines' parameters that suit a 16-beam sensor best, found on training buildings.
+
+Starts from the published parameters and takes one after the other: the value that finds rooms best
+in all training buildings together stays, and so on until nothing changes any more. What is best
+goes by the F1 of precision and recall, pooled over the buildings: by pieces where there are some,
+else by centres. All buildings are the generator's, by their seeds; those held out are scored alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from eval.score.rooms import ratio, score_rooms
+from eval.studies.baseline_drives import Drive, drive_of, generated, hydra_rooms, sgraphs_rooms
+from semantics.hydra.config import PUBLISHED_V2, HydraConfig
+from semantics.sgraphs.config import PUBLISHED, SgraphsConfig
+from slam.core import Proposals
+
+METHODS = ("hydra", "sgraphs")
+TRAINING, HELD_OUT = (1, 3, 5, 21), (2, 8, 22, 23)
+"""Seeds of buildings: 40 and 24 rooms."""
+
+Axes = tuple[tuple[str, tuple[Any, ...]], ...]
+"""Parameters, as ``part.field``, and what each may be."""
+
+HYDRA_AXES: Axes = (
+    ("space.places.compression", (0.5, 0.75, 1.0, 1.5)),
+    ("space.places.merge", (0.3, 0.5, 0.7)),
+    ("space.places.min_edge", (0.2, 0.25, 0.4)),
+    ("space.places.by_clearance", (False, True)),
+    ("rooms.min_component", (2, 3, 5, 7, 10)),
+    ("rooms.min_room", (2, 3, 5, 7, 10)),
+    ("rooms.min_dilation", (0.35, 0.43, 0.5, 0.6)),
+    ("rooms.max_dilation", (0.8, 1.0, 1.2)),
+    ("rooms.plateau_ratio", (0.05, 0.1, 0.15, 0.25, 0.5)),
+    ("space.gvd.parents_cosine", (-0.2, 0.2, 0.5)),
+    ("space.gvd.parents_apart", (8, 12, 20)),
+    ("space.tsdf.coarser", (1, 2)),
+)
+SGRAPHS_AXES: Axes = (
+    ("window", (1.5, 5.0, 20.0)),
+    ("clearance", (0.5, 0.6, 0.7, 0.8, 1.0)),
+    ("vertices", (5, 10)),
+    ("near", (1.0, 1.5)),
+    ("votes", (2, 5)),
+    ("aligned", (0.05, 0.2)),
+    ("centre", (0.5, 1.0, 1.5)),
+)
+
+Config = TypeVar("Config", HydraConfig, SgraphsConfig)
+
+
+# --- what a configuration is worth ----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Counted over buildings: detections that are true, all of them; true ones of rooms that were
+    entered, and those rooms."""
+
+    true: float = 0.0
+    detected: float = 0.0
+    recalled: float = 0.0
+    entered: int = 0
+
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(
+            self.true + other.true,
+            self.detected + other.detected,
+            self.recalled + other.recalled,
+            self.entered + other.entered,
+        )
+
+    @property
+    def precision(self) -> float:
+        """0 without a detection."""
+        return ratio(self.true, self.detected) or 0.0
+
+    @property
+    def recall(self) -> float:
+        """Of the rooms that were entered."""
+        return ratio(self.recalled, self.entered) or 0.0
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of both."""
+        return ratio(2 * self.precision * self.recall, self.precision + self.recall) or 0.0
+
+
+def tally(drive: Drive, rooms: Proposals) -> Tally:
+    """By pieces where the rooms have some, else by centres."""
+    keeper = drive.keeper
+    votes, _ = keeper.votes(drive.views[-1], rooms)
+    entered = keeper.visits.entered
+    score = score_rooms(
+        *(votes, {}, keeper.truth, drive.T_world_map, entered.keys(), ()),
+        storeys=keeper.visits.storeys,
+    )
+    if not votes:
+        return Tally(entered=len(entered))
+    if score.detected is not None and score.true_positive is not None:
+        recalled = (score.recall or 0.0) * len(entered)
+        return Tally(score.true_positive, score.detected, recalled, len(entered))
+    recalled = (score.centre_recall or 0.0) * len(entered)
+    true = (score.centre_precision or 0.0) * len(votes)
+    return Tally(true, len(votes), recalled, len(entered))
+
+
+# --- the search -----------------------------------------------------------------------------------
+
+
+def changed(config: Config, path: str, value: Any) -> Config:
+    """The configuration with one field, ``part.field``, set."""
+    name, _, rest = path.partition(".")
+    return replace(config, **{name: changed(getattr(config, name), rest, value) if rest else value})
+
+
+def value_at(config: Any, path: str) -> Any:
+    """The value of ``part.field``."""
+    for name in path.split("."):
+        config = getattr(config, name)
+    return config
+
+
+@dataclass(frozen=True)
+class Trial(Generic[Config]):
+    """A configuration, what was changed last, and what it is worth."""
+
+    change: str
+    config: Config
+    worth: Tally
+
+
+def search(
+    start: Config, axes: Axes, worth: Callable[[Config], Tally], passes: int = 3
+) -> Iterator[Trial[Config]]:
+    """Everything that improves, in turn, from the start on. A value that is only as good as the one
+    before does not replace it."""
+    best = Trial("published", start, worth(start))
+    yield best
+    for _ in range(passes):
+        before = best
+        for path, values in axes:
+            others = [value for value in values if value != value_at(best.config, path)]
+            trials = [
+                Trial(f"{path} = {value}", config, worth(config))
+                for value in others
+                for config in [changed(best.config, path, value)]
+            ]
+            found = max(trials, key=lambda trial: trial.worth.f1)
+            if found.worth.f1 > best.worth.f1:
+                best = found
+                yield best
+        if best is before:
+            return
+
+
+Rooms = Callable[[Drive, Config], Proposals]
+
+
+def over(drives: Sequence[Drive], rooms: Rooms[Config], config: Config) -> Tally:
+    """What a configuration is worth on buildings together."""
+    return sum((tally(drive, rooms(drive, config)) for drive in drives), Tally())
+
+
+def report(
+    name: str,
+    trials: Iterator[Trial[Config]],
+    check: Callable[[Config], Tally],
+) -> Iterator[str]:
+    """Lines of a Markdown table, as the search goes on."""
+    yield f"| {name} | precision | recall | F1 | held out: precision | recall | F1 |\n"
+    yield "|---|---|---|---|---|---|---|\n"
+    for trial in trials:
+        numbers = [
+            f"{value:.3f}"
+            for worth in (trial.worth, check(trial.config))
+            for value in (worth.precision, worth.recall, worth.f1)
+        ]
+        yield f"| {trial.change} | {' | '.join(numbers)} |\n"
+
+
+def searches(methods: Sequence[str], cache: Path) -> Iterator[str]:
+    """Lines of both tables, as the searches go on. methods: of METHODS; cache: where the drives
+    through the buildings are kept, which take longest."""
+    train, held_out = (
+        [drive_of(generated(seed, cache), cache) for seed in seeds]
+        for seeds in (TRAINING, HELD_OUT)
+    )
+    if "hydra" in methods:
+        yield from _lines("Hydra", PUBLISHED_V2, HYDRA_AXES, hydra_rooms, train, held_out)
+    if "sgraphs" in methods:
+        yield from _lines("S-Graphs+", PUBLISHED, SGRAPHS_AXES, sgraphs_rooms, train, held_out)
+
+
+def _lines(
+    name: str,
+    start: Config,
+    axes: Axes,
+    rooms: Rooms[Config],
+    train: Sequence[Drive],
+    held_out: Sequence[Drive],
+) -> Iterator[str]:
+    trials = search(start, axes, lambda config: over(train, rooms, config))
+    return report(name, trials, lambda config: over(held_out, rooms, config))
