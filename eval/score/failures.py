@@ -2,11 +2,17 @@
 
 A room needs three faces (all, if it has fewer). *unseen*: the sensor has not seen so many.
 *planes*: the map does not hold as many on planes that are not mixed, or holds less than half of
-what was seen of the room's faces; of a false detection also: half of its pieces or more lie on no
-room's face. *edges*: rooms made of whatever the detector's edges join, and of nothing else, would
-not have this one. *clustering*: they would; so the fault is in what was made of the edges, the
-outline and its centre included. Of a detector that tells of no edges (``slam.core.Linking``) both
-are *clustering*; one that uses no planes has *unseen* and *clustering* alone.
+what was seen of the room's faces. *edges*: rooms made of whatever the detector's edges join, and of
+nothing else, would not have this one. *clustering*: they would; so the fault is in what was made of
+the edges, the outline and its centre included.
+
+A false detection is *planes* before all else if half of its pieces or more lie on no room's face:
+on furniture, on pillars, on planes of mixed points. Otherwise it is about the room of most of its
+pieces, or the one around its centre, and has that room's cause; but *edges* also if they leave the
+room in parts, and most of what the detection has of the room is not in the part that would be it.
+
+Of a detector that tells of no edges (``slam.core.Linking``) both of the last are *clustering*; one
+that uses no planes has *unseen* and *clustering* alone.
 """
 
 from __future__ import annotations
@@ -22,7 +28,7 @@ from scipy.sparse.csgraph import connected_components
 from eval.score.rooms import MIN_COVERAGE, centre_in, match_centres, match_rooms
 from eval.score.votes import RoomVote, Voter
 from eval.seen import SeenFaces
-from slam.core import Array, Links, MapPlane, Proposals, RoomProposal
+from slam.core import Array, IntArray, Links, MapPlane, PlanePiece, Proposals, RoomProposal
 from worlds.truth import Room, Truth
 
 FACES = 3
@@ -73,23 +79,43 @@ class Failures:
 
 
 @dataclass(frozen=True)
+class Linked:
+    """Rooms made of what the detector's edges join, directly or over others. rooms: room -> the
+    part that would be a true detection of it, wherever its centre; parts: proposal id -> the part
+    of each of its pieces, in their order, -1 for one that the edges do not know."""
+
+    rooms: Mapping[int, int]
+    parts: Mapping[int, Sequence[int]]
+
+    def has(self, room: Room, vote: RoomVote | None) -> bool:
+        """Do the edges give this room? Of a detection about it: is at least half of what it has of
+        the room in that part?"""
+        if room.id not in self.rooms or vote is None:
+            return room.id in self.rooms
+        parts = zip(vote.faces, self.parts[vote.id], strict=True)
+        own = [part for face, part in parts if face in room.faces and part >= 0]
+        return 2 * own.count(self.rooms[room.id]) >= len(own)
+
+
+@dataclass(frozen=True)
 class Evidence:
     """How far the stages before the rooms got. mapped: faces that the map holds
-    (``score.planes``), None for a detector that uses no planes; linked: rooms that the detector's
-    edges alone would give, None if it tells of none."""
+    (``score.planes``), None for a detector that uses no planes; linked: None for one that tells of
+    no edges."""
 
     seen: SeenFaces
     mapped: frozenset[int] | None
-    linked: frozenset[int] | None
+    linked: Linked | None
 
-    def cause(self, room: Room) -> str:
-        """The first stage that had this room wrong."""
+    def cause(self, room: Room, vote: RoomVote | None = None) -> str:
+        """The first stage that had this room wrong, or a detection that is about it."""
         needed = min(FACES, len(room.faces))
         if sum(bool(self.seen.seen[face]) for face in room.faces) < needed:
             return "unseen"
         if self.mapped is not None and not self._is_mapped(room, self.mapped, needed):
             return "planes"
-        return "edges" if self.linked is not None and room.id not in self.linked else "clustering"
+        linked = self.linked is None or self.linked.has(room, vote)
+        return "clustering" if linked else "edges"
 
     def _is_mapped(self, room: Room, mapped: Collection[int], needed: int) -> bool:
         held = [face for face in room.faces if face in mapped]
@@ -97,9 +123,10 @@ class Evidence:
         return len(held) >= needed and length >= MIN_COVERAGE * self.seen.room_length(room.id)
 
 
-def linked_rooms(links: Links, planes: Sequence[MapPlane], voter: Voter) -> frozenset[int]:
-    """Rooms of which the pieces that the edges join, directly or over others, would be a true
-    detection (wherever its centre)."""
+def linked_rooms(
+    links: Links, planes: Sequence[MapPlane], voter: Voter, proposals: Proposals
+) -> Linked:
+    """What the edges join; proposals: of the same update."""
     count = len(links.pieces)
     ones = np.ones(len(links.pairs))
     graph = coo_array((ones, (links.pairs[:, 0], links.pairs[:, 1])), shape=(count, count))
@@ -111,7 +138,29 @@ def linked_rooms(links: Links, planes: Sequence[MapPlane], voter: Voter) -> froz
         if len(part) > 1
     )
     votes, _ = voter.vote(planes, Proposals(rooms))
-    return frozenset(v.owner for v in votes if v.owner is not None and v.coverage >= MIN_COVERAGE)
+    by_coverage = sorted(votes, key=lambda vote: (vote.coverage, -vote.id))
+    true = {
+        v.owner: v.id for v in by_coverage if v.owner is not None and v.coverage >= MIN_COVERAGE
+    }
+    return Linked(true, _parts_of(proposals, links, labels))
+
+
+def _parts_of(proposals: Proposals, links: Links, labels: IntArray) -> dict[int, list[int]]:
+    """Of each proposal's pieces: the part of the nearest piece on the same plane, since a room that
+    was kept may have a piece as it was some updates ago."""
+    places: dict[int, list[int]] = {}
+    for place, piece in enumerate(links.pieces):
+        places.setdefault(piece.plane_id, []).append(place)
+    middles = np.array([piece.segment.mean(axis=0) for piece in links.pieces]).reshape(-1, 2)
+
+    def part_of(piece: PlanePiece) -> int:
+        near = places.get(piece.plane_id)
+        if near is None:
+            return -1
+        away = np.linalg.norm(middles[near] - piece.segment.mean(axis=0), axis=1)
+        return int(labels[near[int(away.argmin())]])
+
+    return {room.id: [part_of(piece) for piece in room.pieces] for room in proposals.rooms}
 
 
 def room_fates(
@@ -153,4 +202,4 @@ def _cause_of_false(
         about = around[0]
     if vote.faces and 2 * len(owners) <= len(vote.faces):
         return about.id, "planes"
-    return about.id, evidence.cause(about)
+    return about.id, evidence.cause(about, vote)

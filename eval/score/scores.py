@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from eval.score.trajectory import (
     part_of,
     score_trajectory,
 )
+from eval.score.votes import RoomVote
 from eval.score.walls import WallScore, score_walls
 from slam.core import Array, Links, MapView, Proposals
 from worlds.truth import Truth
@@ -165,18 +167,26 @@ def _score_concepts(record: RunRecord, planes: PlaneScore, T_world_map: Array | 
         storeys=keeper.visits.storeys,
     )
     time = score_time(keeper.instants, truth, T_world_map, entered, keeper.start)
-    by_pieces = not room_votes or any(vote.faces for vote in room_votes)
     evidence = Evidence(
         seen=keeper.seen,
-        mapped=planes.mapped_faces if by_pieces else None,
+        mapped=planes.mapped_faces if _uses_planes(record, room_votes) else None,
         linked=None
         if record.links is None
-        else linked_rooms(record.links, record.view.planes, keeper.voter),
+        else linked_rooms(record.links, record.view.planes, keeper.voter, record.proposals),
     )
     fates = room_fates(
         room_votes, truth, T_world_map, entered.keys(), evidence, keeper.visits.storeys
     )
     return _Concepts(rooms, walls, time, fates)
+
+
+def _uses_planes(record: RunRecord, votes: Sequence[RoomVote]) -> bool:
+    """Is the detector known to make rooms of planes: does it link them, or did any room that it
+    ever proposed have pieces? One that never proposed any is not known to."""
+    instants = (instant.rooms for instant in record.keeper.instants)
+    return record.links is not None or any(
+        vote.faces for rooms in (votes, *instants) for vote in rooms
+    )
 
 
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:

@@ -7,10 +7,11 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from eval.score.failures import Evidence, Fates, Fault, linked_rooms, room_fates
+from eval.labels import TruthKeeper
+from eval.score.failures import Evidence, Fates, Fault, Linked, linked_rooms, room_fates
 from eval.score.votes import PieceVote, RoomVote, room_vote
 from eval.seen import SeenFaces
-from slam.core import Links, RoomProposal
+from slam.core import Links, MapPlane, PlanePiece, Proposals, RoomProposal
 
 CENTRES = ((2.0, 1.5), (6.1, 1.5), (4.0, 3.8))
 A, B, C = ((0, 1, 2, 3), (4, 5, 6, 7), (8, 9, 10, 11))
@@ -27,10 +28,13 @@ def seen_of(house, *faces: int) -> SeenFaces:
 
 
 def fates(house, seen, votes=(), mapped=range(12), linked=None, entered=(0, 1, 2)) -> Fates:
+    """linked: rooms of which the edges join all pieces."""
+    rooms = [face.room for face in house.truth.faces]
+    parts = {vote.id: [rooms[face] if face >= 0 else -1 for face in vote.faces] for vote in votes}
     evidence = Evidence(
         seen,
         None if mapped is None else frozenset(mapped),
-        None if linked is None else frozenset(linked),
+        None if linked is None else Linked({room: room for room in linked}, parts),
     )
     return room_fates(votes, house.truth, np.eye(4), entered, evidence)
 
@@ -82,6 +86,13 @@ def test_false_rooms(house) -> None:
     assert false(whole, again, linked=(0,)) == {"clustering": 1}
 
 
+def test_what_lies_on_no_face_is_asked_before_what_was_seen(house) -> None:
+    seen = seen_of(house, 0, 1)
+    rubbish, ghost = (vote(house, seen, f, (20.0, 20.0)) for f in ((0, 1, -4, -5), (0, 1, -4)))
+    assert counts(house, seen, [rubbish], entered=()) == {"false_planes": 1}
+    assert counts(house, seen, [ghost], entered=()) == {"false_unseen": 1}
+
+
 def test_without_planes_the_centre_rule_counts(house) -> None:
     seen = seen_of(house, *A)
     inside, outside = (vote(house, seen, (), centre) for centre in (CENTRES[0], (20.0, 20.0)))
@@ -117,8 +128,55 @@ def test_rooms_are_named(house) -> None:
     ],
 )
 def test_rooms_of_edges(house, pairs, rooms) -> None:
+    keeper, planes = mapped_house(house, *(house.whole(face) for face in range(8)))
+    found = linked_rooms(links_of(house, planes, pairs), planes, keeper.voter, Proposals())
+    assert found.rooms.keys() == rooms
+
+
+def mapped_house(house, *stretches) -> tuple[TruthKeeper, list[MapPlane]]:
+    """All is seen; a plane for each of these {face: (low, high)}."""
     keeper = house.keeper(house.whole(*range(12)), house.whole(*range(12)))
     pair = house.scan(0, 0.0, (2.0, 1.5, 0.0), house.whole(*range(12)))
-    planes = [house.plane(i, pair, house.whole(i)) for i in range(8)]
-    links = Links(tuple(map(house.piece, planes)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    assert linked_rooms(links, planes, keeper.voter) == rooms
+    return keeper, [house.plane(i, pair, stretch) for i, stretch in enumerate(stretches)]
+
+
+def links_of(house, planes, pairs) -> Links:
+    return Links(tuple(map(house.piece, planes)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+
+
+@pytest.mark.parametrize(
+    ("pairs", "cause"),
+    [
+        ([(0, 1), (1, 2), (3, 4)], "edges"),  # 9 m of the room, and the 5 m that are told of
+        ([(0, 1), (1, 2)], "edges"),
+        ([(0, 1), (1, 2), (2, 3), (3, 4)], "clustering"),
+        ([(0, 1), (1, 2), (2, 3)], "clustering"),  # half of the fragment is the room's
+    ],
+)
+def test_a_fragment_is_the_fault_of_edges_that_left_it_apart(house, pairs, cause) -> None:
+    """A room's outline in two detections, the second of which is false."""
+    stretches = [house.whole(0), house.whole(1), {2: (0.0, 2.0)}, {2: (2.0, 4.0)}, house.whole(3)]
+    keeper, planes = mapped_house(house, *stretches)
+    pieces = [house.piece(plane) for plane in planes]
+    proposals = Proposals(
+        tuple(
+            RoomProposal(id, tuple(pieces[place] for place in own), None, np.array(CENTRES[0]), 1.0)
+            for id, own in ((5, (0, 1, 2)), (6, (3, 4)))
+        )
+    )
+    votes, _ = keeper.voter.vote(planes, proposals)
+    linked = linked_rooms(links_of(house, planes, pairs), planes, keeper.voter, proposals)
+    evidence = Evidence(keeper.seen, frozenset(range(12)), linked)
+    judged = room_fates(votes, house.truth, np.eye(4), (0,), evidence)
+    assert judged == Fates({0: 5}, (Fault(0, 6, cause),))
+
+
+def test_pieces_that_the_edges_do_not_know_tell_nothing(house) -> None:
+    """A room that was kept though one of its planes is looked at no more, and the other has grown
+    since."""
+    keeper, planes = mapped_house(house, *(house.whole(face) for face in range(4)))
+    old = PlanePiece(1, planes[1].points[:2, :2])
+    kept = Proposals((RoomProposal(3, (old, PlanePiece(99, old.segment)), None, np.zeros(2), 1.0),))
+    links = links_of(house, planes, [(0, 1), (1, 2)])
+    found = linked_rooms(links, planes, keeper.voter, kept)
+    assert found.parts == {3: [found.rooms[0], -1]}

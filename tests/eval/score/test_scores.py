@@ -19,7 +19,7 @@ from eval.score.map import SurfaceDistance
 from eval.score.scores import RunRecord, Scores, graph_truth, score_run
 from eval.score.trajectory import Trajectory
 from sim.truth import ScanTruth
-from slam.core import Array, Proposals, RoomProposal, WallProposal, inverse, pose, so3_exp
+from slam.core import Array, Links, Proposals, RoomProposal, WallProposal, inverse, pose, so3_exp
 from worlds.plan import UNLABELLED
 
 ROUTE = [(1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (6.0, 2.0), (6.0, 3.8), (1.0, 3.8)]
@@ -142,6 +142,33 @@ def test_a_perfect_run(house, surface) -> None:
     assert (scores.time.retracted_true, scores.time.id_switches) == (0, 0)
     # 2 + 1 + 3 + 1.8 + 5, less the last of 40 steps of the last leg
     assert scores.path_m == pytest.approx(12.8 - 5.0 / 40)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "links", "cause"),
+    [
+        (False, None, "missed_clustering"),
+        (True, None, "missed_planes"),
+        (False, Links((), np.empty((0, 2), dtype=np.int64)), "missed_planes"),
+    ],
+)
+def test_a_run_that_ends_without_rooms_knows_if_they_were_of_planes(
+    house, surface, pieces, links, cause
+) -> None:
+    """The map has lost all planes: that is no fault of a detector that never asked for them."""
+    record = drive(house, np.eye(4))
+    instants = record.keeper.instants
+    if not pieces:
+        instants[:] = [
+            dataclasses.replace(i, rooms=tuple(dataclasses.replace(v, faces=()) for v in i.rooms))
+            for i in instants
+        ]
+    lost = dataclasses.replace(record, view=house.view(), proposals=Proposals(), links=links)
+    failures = score_run(lost, surface).failures
+    assert {name: count for name, count in vars(failures).items() if count} == {cause: 3}
+    instants.clear()
+    failures = score_run(dataclasses.replace(lost, links=None), surface).failures
+    assert failures.missed_clustering == 3
 
 
 def test_where_the_map_frame_lies_changes_nothing(house, surface) -> None:
