@@ -13,6 +13,7 @@ from eval.config import RunConfig
 from eval.names import refuse
 
 if TYPE_CHECKING:
+    from eval.comparing.ablation import Result
     from eval.comparing.tables import Sheet
     from eval.paper.figures import Panel
     from eval.paper.study import Group, Measured
@@ -139,8 +140,9 @@ class _Asked:
 
 def _write(kind: str, asked: _Asked, measured: Sequence[Measured]) -> list[Path]:
     """The report as Markdown and LaTeX, its pictures, and all comparisons as CSV."""
-    from eval.comparing.tables import comparisons_csv, latex
+    from eval.comparing.tables import latex
     from eval.files import write_bytes, write_text
+    from eval.paper.differences import differences_csv
     from eval.paper.report import report_text
 
     sheets, pictures = _contents(kind, asked, measured)
@@ -148,12 +150,21 @@ def _write(kind: str, asked: _Asked, measured: Sequence[Measured]) -> list[Path]
     text = report_text(TITLES[kind], sheets, list(shown), _remarks(asked, kind))
     texts = {f"{kind}.md": text, f"{kind}.tex": latex(sheets)}
     if kind in (CATALOGUE, FRESH):
-        texts[f"{kind}.csv"] = comparisons_csv(measured[0].compared())
+        texts[f"{kind}.csv"] = differences_csv(_compared(kind, measured[0]))
     for name, content in texts.items():
         write_text(asked.folder / name, content)
     for name, data in shown.items():
         write_bytes(asked.folder / name, data)
     return [asked.folder / name for name in (*texts, *shown, "table.csv")]
+
+
+def _compared(kind: str, measured: Measured) -> list[tuple[str, Result]]:
+    """All pairs over all scenes; of the catalogue also over each kind of world."""
+    from eval.paper.report import worlds
+
+    kinds = worlds(measured) if kind == CATALOGUE else []
+    every = measured.group.ablation.scenes
+    return [(name, measured.compared(scenes)) for name, scenes in [("all", every), *kinds]]
 
 
 def _contents(
@@ -164,7 +175,8 @@ def _contents(
     from eval.paper.study import DETECTORS, already_measured
 
     if kind in (BEYOND, PLANS):
-        return report.beyond_sheets(measured), {}
+        sheets_of = report.beyond_sheets if kind == BEYOND else report.plans_sheets
+        return sheets_of(measured), {}
     part = measured[0]
     methods = [variant.name for variant in DETECTORS]
     if kind == FRESH:

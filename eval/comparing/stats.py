@@ -152,7 +152,7 @@ def unpaired(a: Samples, b: Samples, rng: Generator) -> Difference:
         count=min(sum(map(len, a.values())), sum(map(len, b.values()))),
         base=mean_over_scenes(b),
         mean=mean,
-        interval=_unpaired_interval(a, b, rng),
+        interval=bootstrap_difference(a, b, rng),
         across_scenes=None,
         effect=mean / deviation if deviation else None,
         pairs=(0, 0),
@@ -163,11 +163,16 @@ def unpaired(a: Samples, b: Samples, rng: Generator) -> Difference:
     )
 
 
-def _unpaired_interval(a: Samples, b: Samples, rng: Generator) -> Interval | None:
-    if min(len(values) for values in [*a.values(), *b.values()]) < 2:
+def bootstrap_difference(a: Samples, b: Samples, rng: Generator) -> Interval | None:
+    """Percentile interval of the mean of A less that of B, whose scenes may be others; None with a
+    single seed in any scene."""
+    if not a or not b or min(len(values) for values in [*a.values(), *b.values()]) < 2:
         return None
-    means = [_resampled(a[scene], rng) - _resampled(b[scene], rng) for scene in a]
-    return _percentiles(np.mean(means, axis=0), LEVEL)
+    left, right = (
+        np.mean([_resampled(values, rng) for values in samples.values()], axis=0)
+        for samples in (a, b)
+    )
+    return _percentiles(left - right, LEVEL)
 
 
 def _signs(values: Array) -> tuple[int, int]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from eval.comparing.ablation import Result
 from eval.comparing.tables import Sheet
-from eval.paper.published import BASELINES, WITHOUT_PLANES
+from eval.paper.published import BASELINES
 from eval.paper.sheets import NONE
-from eval.paper.study import CAUSES, ENTERED
+from eval.paper.study import BY_PIECES, CAUSES, ENTERED, PLANES_ONLY, applies
+from slam.core import Array
+
+RECALL = BY_PIECES[1]
 
 
 def _causes(kind: str) -> list[str]:
@@ -21,14 +24,14 @@ def _names(kind: str) -> list[str]:
     return [f"{kind}: {cause.removeprefix(f'failures.{kind}_')}" for cause in _causes(kind)]
 
 
-HEAD = ("entered", "missed", *_names("missed"), "false", *_names("false"))
+HEAD = ("entered", "missed", *_names("missed"), "half", "false", *_names("false"))
 
 
 def failures_sheet(title: str, result: Result) -> Sheet:
     """How many of the rooms entered were missed and how many detections false over all runs, and
-    why."""
+    why; half: how many were found with so few faces that they count half by pieces."""
     names = [variant.name for variant in result.ablation.variants]
-    rows = tuple((name, *_failures(result, name)) for name in names)
+    rows = tuple((name, *_failures(result, name)) for name in names if name != PLANES_ONLY)
     return Sheet(title, ("method", *HEAD), rows)
 
 
@@ -42,33 +45,35 @@ def causes_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
 
 
 def _failures(result: Result, variant: str) -> list[str]:
-    cells = [f"{_entered(result, variant):.0f}"]
-    for kind in ("missed", "false"):
-        causes = _causes(kind)
-        counts = [_total(result, variant, cause) for cause in causes]
-        cells.append(f"{sum(counts):.0f}")
-        cells += [
-            f"{count:.0f}" if _applies(variant, cause) else NONE
-            for count, cause in zip(counts, causes, strict=True)
-        ]
+    missed, false = (
+        {cause: _values(result, variant, cause) for cause in _causes(kind)}
+        for kind in ("missed", "false")
+    )
+    judged = ~np.isnan(_values(result, variant, CAUSES[0]))
+    entered = np.where(judged, _values(result, variant, ENTERED), np.nan)
+    found = entered - np.sum(list(missed.values()), axis=0)
+    half = 2.0 * (found - entered * _values(result, variant, RECALL))
+    return [
+        _count(entered),
+        *_counts(variant, missed),
+        _count(half) if applies(variant, RECALL) else NONE,
+        *_counts(variant, false),
+    ]
+
+
+def _counts(variant: str, causes: Mapping[str, Array]) -> list[str]:
+    """All, then each; "-" for a cause that does not apply, unless it was told of all the same."""
+    cells = [_count(np.concatenate(list(causes.values())))]
+    for cause, values in causes.items():
+        cells.append(_count(values) if applies(variant, cause) or np.nansum(values) else NONE)
     return cells
 
 
-def _entered(result: Result, variant: str) -> float:
-    """Rooms of the runs that could be judged."""
-    rooms, judged = (result.level(variant, metric).values for metric in (ENTERED, CAUSES[0]))
-    known = [~np.isnan(of_scene) for of_scene in judged.values()]
-    return float(sum(np.array(r)[k].sum() for r, k in zip(rooms.values(), known, strict=True)))
+def _values(result: Result, variant: str, metric: str) -> Array:
+    """(R,) of all runs; NaN where there is none."""
+    return np.concatenate([*map(np.array, result.level(variant, metric).values.values())])
 
 
-def _total(result: Result, variant: str, metric: str) -> float:
-    """Over all runs that have it."""
-    values = result.level(variant, metric).values.values()
-    return float(sum(np.nansum(of_scene) for of_scene in values))
-
-
-def _applies(variant: str, cause: str) -> bool:
-    """Can a cause be told of a method? Hydra uses no planes, the baselines have no edges."""
-    if cause.endswith("_planes"):
-        return variant not in WITHOUT_PLANES
-    return variant not in BASELINES or not cause.endswith("_edges")
+def _count(values: Array) -> str:
+    """The sum over all runs that have it."""
+    return str(round(float(np.nansum(values))))

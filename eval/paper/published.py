@@ -105,12 +105,15 @@ FIGURE_CLAIMS = (
 )
 """All that is published of the precision/recall figure, whose values stand in a picture only."""
 
+FROM_MEANS = "1.7 % better, by the means of Table IV"
+"""The text does not say it."""
+
 CLAIMS = (
     Claim("first room, simulated", "first_room_s", OURS, SGRAPHS, SIMULATED, "84.3 % better"),
     Claim("first room, real", "first_room_s", OURS, SGRAPHS, REAL, "62.7 % better"),
     Claim("ATE", "ate_m", OURS, SGRAPHS, SIMULATED, "6.8 % better"),
     Claim("ATE", "ate_m", ROOMS_ONLY, SGRAPHS, SIMULATED, "5.2 % better"),
-    Claim("ATE, what walls add", "ate_m", OURS, ROOMS_ONLY, SIMULATED, "1.7 % better"),
+    Claim("ATE, what walls add", "ate_m", OURS, ROOMS_ONLY, SIMULATED, FROM_MEANS),
     Claim("MMA", "mma_m", OURS, SGRAPHS, MMA_SCENES, "1.8 % better"),
     Claim("MMA", "mma_m", ROOMS_ONLY, SGRAPHS, MMA_SCENES, "0.3 % better"),
 )

@@ -9,18 +9,10 @@ import numpy as np
 
 from eval.comparing.ablation import BOOTSTRAP_SEED, Level, Result
 from eval.comparing.bounds import Bound
-from eval.comparing.stats import Interval, bootstrap, mean_over_scenes
-from eval.comparing.tables import Sheet, number, signed, unit_of
-from eval.paper.published import (
-    BASELINES,
-    NOT_PUBLISHED,
-    REAL,
-    SCENES,
-    WITHOUT_PLANES,
-    Claim,
-    Values,
-)
-from eval.paper.study import DETECTORS, Measured
+from eval.comparing.stats import Interval, Samples, bootstrap, mean_over_scenes
+from eval.comparing.tables import Sheet, number, unit_of
+from eval.paper.published import NOT_PUBLISHED, REAL, SCENES, WITHOUT_PLANES, Values
+from eval.paper.study import BY_PIECES, CENTRE_RULE, DETECTORS, applies
 from slam.core import Array
 from worlds.catalogue import load_scene, scene_counts
 
@@ -31,9 +23,7 @@ ROOM_RULES = (
     ("precision, by pieces", "rooms.precision"),
     ("recall, by pieces", "rooms.recall"),
 )
-BY_PIECES = ("rooms.precision", "rooms.recall")
 SHARES = ("precision", "recall", "mean_iou", "piece_f1")
-CENTRE_RULE = ("rooms.centre_precision", "rooms.centre_recall")
 
 
 # --- spread ---------------------------------------------------------------------------------------
@@ -53,27 +43,38 @@ class Spread:
 
 
 def spread(level: Level, scenes: Sequence[str] | None = None) -> Spread | None:
-    """None where no run has a value. With one run a scene the interval is over the scenes, since
-    there is no other spread."""
-    samples: dict[str, Array] = {}
-    for scene in level.values if scenes is None else scenes:
-        values = np.array(level.values[scene])
-        values = values[~np.isnan(values)]
-        if len(values):
-            samples[scene] = values
+    """None where no run has a value."""
+    samples = samples_of(level, scenes)
     if not samples:
         return None
     every = np.concatenate(list(samples.values()))
-    single = max(map(len, samples.values())) == 1
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     return Spread(
         mean=mean_over_scenes(samples),
         deviation=float(every.std(ddof=1)) if len(every) > 1 else None,
         low=float(every.min()),
         high=float(every.max()),
-        interval=_within(bootstrap({"": every} if single else samples, rng), level.metric),
+        interval=_within(bootstrap(drawn(samples), rng), level.metric),
         count=len(every),
     )
+
+
+def samples_of(level: Level, scenes: Sequence[str] | None = None) -> Samples:
+    """The values that there are, of all scenes or of some; without scenes that have none."""
+    samples: dict[str, Array] = {}
+    for scene in level.values if scenes is None else scenes:
+        values = np.array(level.values[scene])
+        values = values[~np.isnan(values)]
+        if len(values):
+            samples[scene] = values
+    return samples
+
+
+def drawn(samples: Samples) -> Samples:
+    """What an interval is drawn from: the seeds of each scene; the scenes where each has one run,
+    since there is no other spread."""
+    single = samples and max(map(len, samples.values())) == 1
+    return {"": np.concatenate(list(samples.values()))} if single else samples
 
 
 def _within(interval: Interval | None, metric: str) -> Interval | None:
@@ -86,16 +87,11 @@ def _within(interval: Interval | None, metric: str) -> Interval | None:
 
 
 def spread_of(result: Result, variant: str, metric: str) -> Spread | None:
-    """The same of a variant; None for what does not apply: Hydra's rooms have no pieces (the scores
-    can tell that only from runs in which it finds some), and the baselines look for no walls."""
-    if variant in WITHOUT_PLANES and metric in BY_PIECES:
-        return None
-    if variant in BASELINES and metric.startswith("walls."):
-        return None
-    return spread(result.level(variant, metric))
+    """The same of a variant; None for what does not apply to it."""
+    return spread(result.level(variant, metric)) if applies(variant, metric) else None
 
 
-def _shown(found: Spread | None, scale: float = 1.0, digits: int = 2) -> str:
+def shown(found: Spread | None, scale: float = 1.0, digits: int = 2) -> str:
     """The mean and its interval."""
     if found is None:
         return NONE
@@ -134,7 +130,7 @@ def rooms_sheet(result: Result, world: str) -> Sheet:
                 continue
             numbers = (number(v, 1.0, 2) for v in (found.deviation, found.low, found.high))
             count = f"{found.count} of {len(result.ablation.scenes) * len(result.ablation.seeds)}"
-            rows.append((variant.name, name, _shown(found), *numbers, count))
+            rows.append((variant.name, name, shown(found), *numbers, count))
     title = f"Rooms, {world} scenes (the paper's values stand in a picture only)"
     return Sheet(title, head, tuple(rows), frozenset(rules[1:]))
 
@@ -175,32 +171,8 @@ def _cells(
         found = spread(result.level(column.variant, column.metric), scenes)
         theirs = [column.published[scene] for scene in scenes if scene in column.published]
         paper = number(float(np.mean(theirs)), scale, digits) if theirs else NOT_PUBLISHED
-        cells += [_shown(found, scale, digits), paper]
+        cells += [shown(found, scale, digits), paper]
     return cells
-
-
-def claims_sheet(title: str, measured: Measured, claims: Sequence[Claim]) -> Sheet:
-    """Relative differences, ours beside the text's; the interval is that of the paired mean."""
-    head = ("what", "variant", "against", "change %", "95 % interval", "pairs", "the paper says")
-    rows = [_claim_row(measured, claim) for claim in claims]
-    return Sheet(title, head, tuple(row for row in rows if row is not None))
-
-
-def _claim_row(measured: Measured, claim: Claim) -> tuple[str, ...] | None:
-    scenes = measured.of(claim.scenes)
-    if not scenes:
-        return None
-    pair = (claim.variant, claim.against)
-    found = measured.result(scenes, [pair], [claim.metric]).comparisons[0].difference
-    names = (claim.what, claim.variant, claim.against)
-    if found is None or not found.base:
-        return (*names, NONE, NONE, "0", claim.says)
-    scale = 100.0 / abs(found.base)
-    interval = NONE
-    if found.interval is not None:
-        ends = (signed(end, scale, 1) for end in (found.interval.low, found.interval.high))
-        interval = " to ".join(ends) + (" *" if found.interval.clear_of_zero else "")
-    return (*names, signed(found.percent, 1.0, 1), interval, str(found.count), claim.says)
 
 
 SUMMARY = (
@@ -221,7 +193,7 @@ def summary_sheet(title: str, result: Result) -> Sheet:
     rows = []
     for variant in result.ablation.variants:
         cells = [
-            _shown(spread_of(result, variant.name, metric), unit_of(metric)[0])
+            shown(spread_of(result, variant.name, metric), unit_of(metric)[0])
             for _, metric in SUMMARY
         ]
         failed = result.level(variant.name, SUMMARY[0][1]).failed
@@ -257,7 +229,7 @@ def groups_sheet(title: str, groups: Sequence[tuple[str, Result]]) -> Sheet:
 
 
 def _mean(result: Result, variant: str, metric: str) -> float | None:
-    found = spread(result.level(variant, metric))
+    found = spread_of(result, variant, metric)
     return None if found is None else found.mean
 
 
@@ -270,30 +242,34 @@ def _precision_recall(result: Result, variant: str, scene: str) -> str:
     return _pair(result.level(variant, metric).mean(scene) for metric in metrics)
 
 
-def against_sheet(title: str, a: Result, b: Result, names: tuple[str, str]) -> Sheet:
-    """Two sets of scenes that share nothing but the methods: means, and how far they differ."""
-    rows = []
-    for variant in b.ablation.variants:
-        for name, metric in ROOM_RULES:
-            first, second = (spread_of(result, variant.name, metric) for result in (a, b))
-            if first is not None and second is not None:
-                gap = signed(second.mean - first.mean, 1.0, 3)
-                rows.append((variant.name, name, _shown(first), _shown(second), gap))
-    return Sheet(title, ("method", "measure", *names, "difference"), tuple(rows))
+OVER = " / "
 
 
-def bars_sheet(title: str, result: Result, variant: str, bars: Sequence[Bound]) -> Sheet:
-    """What is aimed at, and what came of it."""
+def bars_sheet(title: str, results: Sequence[Result], variant: str, bars: Sequence[Bound]) -> Sheet:
+    """What is aimed at, and what came of it over the scenes of all results. A bar's metric may be
+    one over another, run by run: "mma_m / mma_floor_m"."""
     rows = []
     for bar in bars:
-        found = spread(result.level(variant, bar.metric))
-        scale, unit = unit_of(bar.metric)
+        found = spread(_level(results, variant, bar.metric))
+        scale, unit = (1.0, "") if OVER in bar.metric else unit_of(bar.metric)
         rows.append(
             (
                 f"{bar.metric}{f' [{unit}]' if unit else ''}",
                 f"{bar.comparison} {scale * bar.limit:g}",
-                _shown(found, scale, 3),
+                shown(found, scale, 3),
                 "yes" if found is not None and bar.holds(found.mean) else "no",
             )
         )
     return Sheet(title, ("what", "aim", "mean [95 %]", "reached"), tuple(rows))
+
+
+def _level(results: Sequence[Result], variant: str, name: str) -> Level:
+    """Of the scenes of all results."""
+    metric, _, below = name.partition(OVER)
+    values: dict[str, tuple[float, ...]] = {}
+    for result in results:
+        for scene, of_seeds in result.level(variant, metric).values.items():
+            under = result.level(variant, below).values[scene] if below else [1.0] * len(of_seeds)
+            ratios = zip(of_seeds, under, strict=True)
+            values[scene] = tuple(a / b if b else np.nan for a, b in ratios)
+    return Level(variant, name, values, 0)

@@ -9,21 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.comparing.ablation import Ablation, Result, evaluate, make_variant
+from eval.comparing.ablation import Ablation, Result, Variant, evaluate, make_variant
 from eval.config import RunConfig
 from eval.files import write_text
 from eval.paper.published import (
+    BASELINES,
     CLAIMS,
     FIGURE_CLAIMS,
     GREEDY,
     HYDRA,
     HYDRA_TUNED,
+    MMA_SCENES,
+    NOT_PUBLISHED,
     OURS,
     REAL,
     ROOMS_ONLY,
     SGRAPHS,
     SGRAPHS_TUNED,
     SIMULATED,
+    WITHOUT_PLANES,
+    Claim,
 )
 from eval.sweep.engine import State, SweepConfig, sweep
 from eval.sweep.job import Job, Row
@@ -34,7 +39,7 @@ from worlds.plan import Plan
 from worlds.planfile import plan_text
 
 INFORMATIVE = "Ours C, informative factors"
-
+PLANES_ONLY = "Planes only"
 
 DETECTORS = (
     make_variant(HYDRA, "hydra", "planes"),
@@ -49,6 +54,9 @@ VARIANTS = (
     make_variant(ROOMS_ONLY, "gnn", "rooms"),
     make_variant(INFORMATIVE, "gnn", "rooms+walls", "informative"),
 )
+WITHOUT_ROOMS = make_variant(PLANES_ONLY, "none", "planes")
+"""The graph alone."""
+
 CAUSES = tuple(
     f"failures.{kind}_{cause}"
     for kind in ("missed", "false")
@@ -63,12 +71,36 @@ METRICS = (
     *("ate_m", "ate_odometry_m", "mma_m", "mma_floor_m", "plane_rmse_m"),
     *CAUSES,
 )
+BY_PIECES = ("rooms.precision", "rooms.recall")
+CENTRE_RULE = ("rooms.centre_precision", "rooms.centre_recall")
+COMPARED = tuple(
+    dict.fromkeys([*(claim.metric for claim in (*FIGURE_CLAIMS, *CLAIMS)), *BY_PIECES])
+)
+OUR_CLAIMS = tuple(
+    Claim(f"{what}, rooms and walls", metric, INFORMATIVE, PLANES_ONLY, scenes, NOT_PUBLISHED)
+    for what, metric, scenes in (("ATE", "ate_m", SIMULATED), ("MMA", "mma_m", MMA_SCENES))
+)
+AGAINST_BASELINES = tuple((OURS, baseline) for baseline in BASELINES)
 PAIRS = tuple(
     dict.fromkeys(
-        [(claim.variant, claim.against) for claim in (*FIGURE_CLAIMS, *CLAIMS)]
-        + [(INFORMATIVE, SGRAPHS), (INFORMATIVE, ROOMS_ONLY)]
+        [(claim.variant, claim.against) for claim in (*FIGURE_CLAIMS, *CLAIMS, *OUR_CLAIMS)]
+        + [*AGAINST_BASELINES, (INFORMATIVE, SGRAPHS), (INFORMATIVE, ROOMS_ONLY)]
     )
 )
+
+
+def applies(variant: str, metric: str) -> bool:
+    """Can a metric be told of a variant? Planes alone find nothing, Hydra's rooms have no pieces
+    (the scores can tell that only from runs in which it finds some), and the baselines look for no
+    walls and have no edges."""
+    if variant == PLANES_ONLY:
+        return not metric.startswith(("rooms.", "walls.", "failures.", "first_", "room_"))
+    if variant in WITHOUT_PLANES and (metric in BY_PIECES or metric.endswith("_planes")):
+        return False
+    return variant not in BASELINES or not (
+        metric.startswith("walls.") or metric.endswith("_edges")
+    )
+
 
 WORLDS = ("angled", "curved", "open-plan", "identical", "hotel", "ramp")
 """Not Manhattan, without walls between rooms, aliased, and on two storeys."""
@@ -90,26 +122,31 @@ class Group:
     ablation: Ablation
 
 
-def _ablation(scenes: Sequence[str], seeds: Sequence[int], base: RunConfig) -> Ablation:
-    return Ablation(VARIANTS, PAIRS, tuple(scenes), tuple(seeds), METRICS, base)
+def _ablation(
+    variants: Sequence[Variant], scenes: Sequence[str], seeds: Sequence[int], base: RunConfig
+) -> Ablation:
+    """With those pairs of which both are run."""
+    names = {variant.name for variant in variants}
+    pairs = tuple(pair for pair in PAIRS if set(pair) <= names)
+    return Ablation(tuple(variants), pairs, tuple(scenes), tuple(seeds), METRICS, base)
 
 
 def _detectors(scenes: Sequence[str], seeds: Sequence[int], base: RunConfig) -> Ablation:
     """Without the variants that differ in the graph alone."""
-    kept = {variant.name for variant in DETECTORS}
-    pairs = tuple(pair for pair in PAIRS if set(pair) <= kept)
-    return Ablation(DETECTORS, pairs, tuple(scenes), tuple(seeds), METRICS, base)
+    return _ablation(DETECTORS, scenes, seeds, base)
 
 
 def catalogue(seeds: Sequence[int], base: RunConfig, quick: bool) -> Group:
     """The paper's nine scenes."""
     scenes = QUICK_SCENES if quick else (*SIMULATED, *REAL)
-    return Group("the paper's scenes", _ablation(scenes, seeds, base))
+    variants = (*VARIANTS, WITHOUT_ROOMS)
+    return Group("the paper's scenes", _ablation(variants, scenes, seeds, base))
 
 
 def fresh(files: Sequence[Path], base: RunConfig) -> Group:
     """Generated buildings, one drive each."""
-    return Group("fresh buildings", _ablation([str(path) for path in files], (0,), base))
+    scenes = [str(path) for path in files]
+    return Group("fresh buildings", _ablation(VARIANTS, scenes, (0,), base))
 
 
 def beyond(seeds: Sequence[int], base: RunConfig, quick: bool) -> list[Group]:
@@ -165,6 +202,11 @@ def write_plans(plans: Sequence[Plan], folder: Path) -> list[Path]:
 # --- what comes of it -----------------------------------------------------------------------------
 
 
+def _telling(pairs: Sequence[tuple[str, str]], metric: str) -> list[tuple[str, str]]:
+    """Those whose both variants have the metric."""
+    return [pair for pair in pairs if all(applies(variant, metric) for variant in pair)]
+
+
 @dataclass(frozen=True)
 class Measured:
     """A group, run. rows: of its configurations."""
@@ -188,10 +230,21 @@ class Measured:
         )
         return evaluate(ablation, [self.rows[config] for config in ablation.configs])
 
-    def compared(self) -> Result:
-        """All pairs in what the paper compares."""
-        names = dict.fromkeys(claim.metric for claim in (*FIGURE_CLAIMS, *CLAIMS))
-        return self.result(None, self.group.ablation.pairs, tuple(names))
+    def compared(
+        self,
+        scenes: Sequence[str] | None = None,
+        pairs: Sequence[tuple[str, str]] | None = None,
+        metrics: Sequence[str] = COMPARED,
+    ) -> Result:
+        """Pairs, all if None, in what the paper compares and in rooms by pieces: each pair in the
+        metrics that apply to both."""
+        wanted = self.group.ablation.pairs if pairs is None else pairs
+        comparisons = [
+            comparison
+            for name in metrics
+            for comparison in self.result(scenes, _telling(wanted, name), [name]).comparisons
+        ]
+        return replace(self.result(scenes, (), metrics), comparisons=tuple(comparisons))
 
     def of(self, scenes: Sequence[str]) -> tuple[str, ...]:
         """Those of some scenes that were run."""

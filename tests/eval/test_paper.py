@@ -8,18 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fakes import metrics_of
+from papers import BASE, cell, measured_of, paper_runs, stub
 
 from eval.cli import main
 from eval.commands.paper import _Asked, plan_files
 from eval.comparing.ablation import BOOTSTRAP_SEED
 from eval.comparing.stats import bootstrap
-from eval.comparing.tables import Sheet
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
-from eval.metrics import Metrics, Rooms, Walls
+from eval.metrics import Rooms
 from eval.paper import report, study
-from eval.paper.failures import failures_sheet
 from eval.paper.figures import Panel, centre_matches, rooms_caption, rooms_png, scenes_png
 from eval.paper.published import (
     ATE,
@@ -37,59 +35,16 @@ from eval.paper.published import (
     WALL_RECALL,
 )
 from eval.paper.sheets import rooms_sheet, spread, summary_sheet
-from eval.paper.study import Measured
-from eval.score.failures import Failures
+from eval.paper.study import INFORMATIVE, PLANES_ONLY, Measured
 from eval.sweep.job import Job, Row
 from eval.sweep.store import open_store
 from slam.core import InputError
 from worlds.catalogue import load_scene, scene_counts
 
-BASE = RunConfig("SE1", cache=Path("front-ends"))
-
-
-def stub(config: RunConfig) -> Metrics:
-    """Numbers of the configuration alone; Hydra has no pieces, and finds nothing in RC2F2."""
-    rng = np.random.default_rng([config.seed, len(config.scene), ord(config.detector[0])])
-    nothing = config.detector == "hydra" and config.scene == "RC2F2"
-    share = None if nothing else 0.5 + 0.5 * float(rng.random())
-    by_pieces = 0.0 if nothing else None if config.detector == "hydra" else share
-    rooms = Rooms(
-        *(10, 8, by_pieces and 8.0, by_pieces and 6.0, by_pieces, by_pieces),
-        *(share, 0.0 if nothing else share),
-    )
-    ate = {"sgraphs": 0.03, "gnn": 0.02}.get(config.detector, 0.04)
-    return metrics_of(
-        config,
-        rooms=rooms,
-        walls=Walls(12, 12, 12, 1.0, 0.8),
-        failures=Failures(*([config.seed] * 8)),
-        ate_m=ate,
-        mma_m=0.02,
-        mma_floor_m=0.015,
-        first_room_s=1.0 + config.seed,
-        T_world_map=tuple(map(tuple, np.eye(4).tolist())),
-    )
-
-
-def measured_of(group: study.Group) -> Measured:
-    configs = group.ablation.configs
-    return Measured(group, {c: Row(c, "complete", None, 1.0, stub(c)) for c in configs})
-
 
 @pytest.fixture(scope="module")
 def paper() -> Measured:
-    return measured_of(study.catalogue((0, 1, 2), BASE, quick=False))
-
-
-def cell(sheet: Sheet, row: str, column: str, **others: str) -> str:
-    places = {name: sheet.head.index(name) for name in others}
-    found = [
-        line
-        for line in sheet.rows
-        if line[0] == row and all(line[places[name]] == text for name, text in others.items())
-    ]
-    assert len(found) == 1
-    return found[0][sheet.head.index(column)]
+    return paper_runs()
 
 
 # --- what the paper says --------------------------------------------------------------------------
@@ -124,11 +79,24 @@ def test_the_scenes_hold_what_table_one_says(name: str) -> None:
 
 def test_the_catalogue_has_every_method_on_nine_scenes() -> None:
     ablation = study.catalogue((0, 1, 2, 3, 4), BASE, quick=False).ablation
-    assert len(ablation.configs) == 9 * 5 * len(study.VARIANTS)
+    assert len(ablation.configs) == 9 * 5 * (len(study.VARIANTS) + 1)
     baseline = dict(next(v.fields for v in ablation.variants if v.name == SGRAPHS))
     assert baseline == {"detector": "sgraphs", "layers": "rooms", "factors": "paper"}
     needed = {name for claim in FIGURE_CLAIMS for name in (claim.variant, claim.against)}
     assert needed <= {variant.name for variant in ablation.variants}
+
+
+def test_planes_alone_are_run_on_the_papers_scenes_only() -> None:
+    paper = study.catalogue((0,), BASE, quick=True).ablation
+    assert (INFORMATIVE, PLANES_ONLY) in paper.pairs
+    alone = next(variant for variant in paper.variants if variant.name == PLANES_ONLY)
+    assert dict(alone.fields) == {"detector": "none", "layers": "planes", "factors": "paper"}
+    others = [study.fresh([Path("a.json")], BASE), *study.beyond((0,), BASE, quick=True)]
+    for group in others:
+        names = {variant.name for variant in group.ablation.variants}
+        assert PLANES_ONLY not in names
+        assert {name for pair in group.ablation.pairs for name in pair} <= names
+        assert set(study.AGAINST_BASELINES) <= set(group.ablation.pairs)
 
 
 def test_fresh_buildings_follow_from_the_weights_alone(tmp_path: Path) -> None:
@@ -240,51 +208,12 @@ def test_ours_stands_beside_the_papers(paper: Measured) -> None:
     assert cell(walls, "RC1F2", "recall (paper)") == "0.75"
 
 
-def test_relative_differences_are_of_the_means(paper: Measured) -> None:
-    sheets = {sheet.title: sheet for sheet in report.catalogue_sheets(paper)}
-    claims = sheets["Relative differences of the text (a change down is for the better)"]
-    asked = {"variant": OURS, "against": SGRAPHS}
-    assert cell(claims, "ATE", "change %", **asked) == "\N{MINUS SIGN}33.3"
-    assert cell(claims, "ATE", "the paper says", **asked) == "6.8 % better"
-    assert cell(claims, "ATE, what walls add", "change %") == "0.0"
-
-
-def test_failures_are_added_up(paper: Measured) -> None:
-    sheet = failures_sheet("", paper.result())
-    each, all_four = str(9 * (0 + 1 + 2)), str(4 * 9 * (0 + 1 + 2))
-    assert cell(sheet, OURS, "entered") == str(9 * 3 * 8)
-    for kind in ("missed", "false"):
-        assert cell(sheet, OURS, kind) == all_four
-        assert cell(sheet, OURS, f"{kind}: edges") == each
-        assert cell(sheet, SGRAPHS, f"{kind}: planes") == each
-        assert cell(sheet, SGRAPHS, f"{kind}: edges") == "-"
-        assert cell(sheet, HYDRA, f"{kind}: planes") == "-"
-
-
-def test_rooms_of_runs_that_cannot_be_judged_are_not_counted(paper: Measured) -> None:
-    config = next(c for c in paper.rows if c.detector == "gnn" and c.seed == 2)
-    row = paper.rows[config]
-    assert row.metrics is not None
-    blind = replace(row, metrics=replace(row.metrics, failures=Failures()))
-    sheet = failures_sheet("", replace(paper, rows={**paper.rows, config: blind}).result())
-    variant = next(v for v in study.VARIANTS if v.of(replace(config, seed=2)) == config)
-    assert cell(sheet, variant.name, "entered") == str((9 * 3 - 1) * 8)
-    assert cell(sheet, variant.name, "missed") == str(4 * 9 * (0 + 1 + 2) - 4 * 2)
-
-
 def test_a_method_without_planes_has_the_centre_rule_only(paper: Measured) -> None:
     sheet = rooms_sheet(paper.result(), "all")
     measures = [row[1] for row in sheet.rows if row[0] == HYDRA]
     assert measures == ["precision, centre rule", "recall, centre rule"]
     summary = summary_sheet("", paper.result())
     assert cell(summary, HYDRA, "rooms P") == "-"
-
-
-def test_fresh_buildings_stand_against_the_catalogue(paper: Measured, tmp_path: Path) -> None:
-    part = measured_of(study.fresh([tmp_path / f"b{place}.json" for place in range(3)], BASE))
-    alone, both = report.fresh_sheets(part, None), report.fresh_sheets(part, paper)
-    assert len(both) == len(alone) + 1
-    assert [row[0] for row in alone[1].rows] == ["b0", "b1", "b2"]
 
 
 def test_the_catalogue_counts_with_the_seeds_that_were_run(paper: Measured, tmp_path: Path) -> None:
@@ -394,6 +323,10 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
     assert "The recordings of its real scenes are not public" in text
     assert "| SE3 | Hydra RS |" in text
     assert "| Plan fresh-00 |" in (out / "plans.md").read_text()
+    assert f"Aims for {OURS}, buildings it never saw" in (out / "plans.md").read_text()
+    assert f"Aims for {OURS}" not in (out / "beyond.md").read_text()
+    kinds = {line.partition(",")[0] for line in (out / "paper.csv").read_text().splitlines()}
+    assert kinds == {"scenes", "all", "simulated", "real-condition"}
     assert "paper.md" in capsys.readouterr().out
 
 
