@@ -197,14 +197,14 @@ def _panels(measured: Measured) -> list[Panel]:
     from eval.graphfile import read_graph
     from eval.paper.figures import Panel
     from eval.paper.keep import kept_graph
-    from eval.paper.published import HYDRA, OURS, SGRAPHS
+    from eval.paper.study import DETECTORS
     from eval.source import make_world
 
     panels = []
     ablation = measured.group.ablation
     for scene in measured.of(FIGURE_SCENES):
         truth = make_world(replace(ablation.base, scene=scene, seed=ablation.seeds[0])).truth
-        for variant in (v for v in ablation.variants if v.name in (HYDRA, SGRAPHS, OURS)):
+        for variant in DETECTORS:
             config = variant.of(replace(ablation.base, scene=scene, seed=ablation.seeds[0]))
             row, path = measured.rows[config], None
             if row.metrics is not None and row.status == "complete":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 BARS = ("#7f9c6c", "#a9bf9b", "#c98b4b", "#dcb58c", "#3a6ea5", "#8fb4dc")
 DPI = 130
+COLUMNS = 4
+WIDTH = 12.3
+"""Of the two scenes: 1600 pixels [inch]."""
 
 
 def png_of(figure: Figure) -> bytes:
@@ -100,29 +103,35 @@ class Panel:
         return np.eye(4) if T is None else np.array(T)
 
 
+Drawing = Callable[["Axes", Panel], None]
+
+
 def scenes_png(panels: Sequence[Panel]) -> bytes:
-    """A line a scene, a column a method by the centre rule, and ours once more with its walls."""
+    """Lines of a scene's methods by the centre rule, ours once more with its walls at their end."""
     from matplotlib.figure import Figure
 
-    scenes = list(dict.fromkeys(panel.scene for panel in panels))
-    columns = max(sum(panel.scene == scene for panel in panels) for scene in scenes) + 1
-    figure = Figure(figsize=(4.2 * columns, 3.6 * len(scenes)), layout="constrained")
-    grid = figure.subplots(len(scenes), columns, squeeze=False)
-    for row, scene in zip(grid, scenes, strict=True):
-        own = [panel for panel in panels if panel.scene == scene]
+    scenes = dict.fromkeys(panel.scene for panel in panels)
+    lines = [line for scene in scenes for line in _lines(panels, scene)]
+    figure = Figure(figsize=(WIDTH, 2.45 * len(lines)), layout="constrained")
+    for row, line in zip(figure.subplots(len(lines), COLUMNS, squeeze=False), lines, strict=True):
         for ax in row:
             ax.set_axis_off()
-        for ax, panel in zip(row, own, strict=False):
-            _draw_rooms(ax, panel)
-        for panel in own:
-            if panel.method == OURS:
-                _draw_walls(row[len(own)], panel)
+        for ax, (draw, panel) in zip(row, line, strict=False):
+            draw(ax, panel)
     figure.suptitle(
         "Rooms over the truth (grey), by the centre rule: green true, red false, hatched not found "
         "or not entered",
         fontsize=11,
     )
     return png_of(figure)
+
+
+def _lines(panels: Sequence[Panel], scene: str) -> list[list[tuple[Drawing, Panel]]]:
+    """What is drawn of a scene, COLUMNS a line."""
+    own = [panel for panel in panels if panel.scene == scene]
+    drawn: list[tuple[Drawing, Panel]] = [(_draw_rooms, panel) for panel in own]
+    drawn += [(_draw_walls, panel) for panel in own if panel.method == OURS]
+    return [drawn[start : start + COLUMNS] for start in range(0, len(drawn), COLUMNS)]
 
 
 def centre_matches(panel: Panel) -> dict[str, int]:

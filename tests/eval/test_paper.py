@@ -17,13 +17,14 @@ from eval.comparing.stats import bootstrap
 from eval.config import RunConfig
 from eval.graphfile import PlaneNode, RoomNode, SceneGraph, WallNode, write_graph
 from eval.metrics import Rooms
-from eval.paper import report, study
+from eval.paper import figures, report, study
 from eval.paper.figures import Panel, centre_matches, rooms_caption, rooms_png, scenes_png
 from eval.paper.published import (
     ATE,
     FIGURE_CLAIMS,
     FIRST_ROOM,
     HYDRA,
+    HYDRA_TUNED,
     MMA,
     OURS,
     REAL,
@@ -289,12 +290,13 @@ def test_a_panel_is_judged_by_centres(house) -> None:
 def test_pictures_are_made(house, paper: Measured) -> None:
     methods = [variant.name for variant in study.DETECTORS]
     worlds = [(world, paper.result(scenes)) for world, scenes in report.worlds(paper)]
-    for data in (
-        rooms_png(worlds, methods),
-        scenes_png([panel_of(house, HYDRA), panel_of(house, OURS)]),
-    ):
+    panels = [panel_of(house, method) for method in methods]
+    lines = [[panel.method for _, panel in line] for line in figures._lines(panels, "SE3")]
+    assert lines == [methods[:4], [*methods[4:], OURS]]
+    for data in (rooms_png(worlds, methods), scenes_png(panels)):
         assert data.startswith(b"\x89PNG")
-        assert len(data) > 10_000
+        assert 10_000 < len(data) < 700_000
+    assert int.from_bytes(data[16:20]) <= 1600  # its width
 
 
 def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, capsys) -> None:
@@ -323,6 +325,7 @@ def test_the_command_writes_its_reports(monkeypatch, house, tmp_path: Path, caps
     assert "The recordings of its real scenes are not public" in text
     assert "| SE3 | Hydra RS |" in text
     assert "| Plan fresh-00 |" in (out / "plans.md").read_text()
+    assert f"| SE3 | {HYDRA_TUNED} |" in text
     assert f"Aims for {OURS}, buildings it never saw" in (out / "plans.md").read_text()
     assert f"Aims for {OURS}" not in (out / "beyond.md").read_text()
     kinds = {line.partition(",")[0] for line in (out / "paper.csv").read_text().splitlines()}
