@@ -78,5 +78,5 @@ def has_opposed_sides(sides: Pieces, config: ClusterConfig) -> bool:
 
 
 def mean_centre(sides: Pieces) -> Array:
-    """(2,) the mean of the sides' centres (equation 5)."""
+    """(2,) the mean of the sides' centres (equation 4)."""
     return np.asarray(sides.centre.mean(axis=0))

@@ -91,9 +91,9 @@ def room_factor(
     point: Array,
     noise: gtsam.noiseModel.Base,
 ) -> gtsam.CustomFactor:
-    """A room's centre against its planes (paper eq. 6 and 7), two residuals [m].
+    """A room's centre against its planes (paper eq. 5 and 6), two residuals [m].
 
-    pairs: places in ``planes`` of planes that face each other (two pairs: eq. 6; one: eq. 7).
+    pairs: places in ``planes`` of planes that face each other (two pairs: eq. 5; one: eq. 6).
     point: (3,) where the room's planes were when it was found. Along each pair the centre is the
     middle between the two planes, across all pairs it stays at ``point``. For perpendicular pairs
     that is the published formula, but it neither depends on the map's origin nor is it singular.
@@ -122,7 +122,7 @@ def room_factor(
 def wall_factor(
     wall_key: int, planes: Sequence[PlaneKey], point: Array, noise: gtsam.noiseModel.Base
 ) -> gtsam.CustomFactor:
-    """A wall's middle against its two faces (the paper's wall cost, eq. 7), three residuals [m]."""
+    """A wall's middle against its two faces (the paper's wall cost, eq. 6), three residuals [m]."""
 
     both = Planes(planes)
 
