@@ -32,11 +32,12 @@ from slam.variables import THICKNESS, keyframe_key, plane_key
 class GraphConfig:
     """Standard deviations in metres and radians.
 
-    odometry_*: of KISS-ICP per keyframe step of about half a metre; the level directions drift less
-    than height and tilt, which 16 beams hardly see. anchor_*: the first keyframe defines the map.
-    plumb: of the direction of plumb walls, however many a sweep sees. recent: keyframes whose
-    estimates are read after every update; shift [m]: change of the oldest of them that has
-    everything read; share: of the keyframes, after which everything is read anyway.
+    odometry_*: of the step from one keyframe to the next, as the front end has it: the odometry's
+    refined against the planes seen lately; however long the step is (0.4 m, more where keyframes
+    between them were not kept). anchor_sigma: of the first keyframe, which defines the map. plumb:
+    of the direction of plumb walls, however many a sweep sees. recent: keyframes whose estimates
+    are read after every update; shift [m]: change of the oldest of them that has everything read;
+    share: of the keyframes, after which everything is read anyway.
     """
 
     odometry_rotation: tuple[float, float, float] = (0.012, 0.012, 0.012)
@@ -70,19 +71,20 @@ class LayeredGraph:
 
     # --- keyframes and planes ---
 
-    def add_keyframe(self, keyframe: int, T_map_base: Array, T_previous: Array | None) -> None:
-        """A keyframe at ``T_map_base``. T_previous: from the last one by odometry (first: None)."""
+    def add_keyframe(self, keyframe: int, T_map_base: Array, T_previous_base: Array | None) -> None:
+        """A keyframe at ``T_map_base``. T_previous_base: from the base at the last keyframe, as the
+        front end tracked it (first: None)."""
         self.estimates.add_keyframe(T_map_base)
         self._optimiser.add_keyframe(keyframe)
         key = keyframe_key(keyframe)
-        if T_previous is None:
+        if T_previous_base is None:
             noise = gtsam.noiseModel.Isotropic.Sigma(6, self._config.anchor_sigma)
             factor: gtsam.NonlinearFactor = gtsam.PriorFactorPose3(
                 key, gtsam.Pose3(T_map_base), noise
             )
         else:
             factor = gtsam.BetweenFactorPose3(
-                keyframe_key(keyframe - 1), key, gtsam.Pose3(T_previous), self._odometry()
+                keyframe_key(keyframe - 1), key, gtsam.Pose3(T_previous_base), self._odometry()
             )
         self._factors.add(("odometry", keyframe), factor)
         self._recent = [*self._recent[1 - self._config.recent :], set()]
