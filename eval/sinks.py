@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 class Sink(Protocol):
-    """Told about each step of a run, in this order; ``finished`` comes last, errors or not."""
+    """Told about each step of a run: ``started`` first, ``finished`` last, errors or not. Of each
+    scan, ``updated``, ``timed`` and ``event`` where they apply, in this order, and then ``frame``
+    (not where the front end is replayed)."""
 
     def started(self, config: RunConfig, truth: Truth | None) -> None:
         """The run begins. truth: None where there is none (a recording of a real robot)."""
@@ -31,11 +33,11 @@ class Sink(Protocol):
         ...
 
     def timed(self, stamp: float, seconds: Mapping[str, float]) -> None:
-        """What each stage took of the scan that was just told of [s]."""
+        """What each stage took of the keyframe that ``updated`` told of [s]."""
         ...
 
     def event(self, stamp: float, text: str) -> None:
-        """Something that does not happen with every scan."""
+        """Something that does not happen with every scan, such as a loop closure."""
         ...
 
     def finished(self) -> None:

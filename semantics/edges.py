@@ -76,9 +76,9 @@ def _loaded(path: Path) -> Forward:
 @dataclass(frozen=True)
 class LocalConfig:
     """still: a piece whose ends moved less than this [m] has not changed, if its heights did not
-    by more than risen [m]; reach: how far from a
-    change edges are worked out again, and how far from those the network is let look [m]; least:
-    share of pieces near a change from which all are done at once."""
+    by more than risen [m]; reach: how far from a change edges are worked out again, and how far
+    from those the network is let look [m]; most: share of all pieces that it may be let look at;
+    where it would be more, all are done at once."""
 
     still: float = 0.05
     risen: float = 0.15

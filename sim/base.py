@@ -30,7 +30,8 @@ class BaseConfig:
     [Hz] and damping ratio of the suspension; road_height [m] and road_tilt [rad]: sigma of what the
     floor's unevenness does to it, over a correlation length of ``road_length`` [m]; speed [m/s],
     acceleration [m/s2], jerk [m/s3] and the same of turning, turn_rate [rad/s], turn_acceleration
-    [rad/s2], turn_jerk [rad/s3]; wheels: what carries the base; timestep [s].
+    [rad/s2], turn_jerk [rad/s3]; lidar_height [m] above the floor; wheels: what carries the base;
+    timestep [s] of the physics.
     """
 
     radius: float = 0.20

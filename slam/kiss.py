@@ -38,7 +38,7 @@ looks through all of it."""
 class KissConfig:
     """The indoor preset (``roomloop bench odometry``). Compared mostly on drives through generated
     buildings; voxel_size is older, and between nearly equal settings of the last step SE1 was
-    looked at too (README, "The odometry").
+    looked at too (slam/README.md, "The odometry").
 
     returns: at most about so many of a sweep are used, spread evenly; voxel_size [m]: of the local
     map, voxel_points: how many it keeps in each, map_spacing [m]: between those that a sweep adds;

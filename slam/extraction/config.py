@@ -36,9 +36,12 @@ class ExtractionConfig:
 
     floor_distance: half thickness of what is taken off as floor, and floor_width of what it is
     fitted to, since the feet of the walls stand on one side of it only; floor_slope: no floor that
-    the base stands on is steeper to it; ramp: least and largest slope of one, ramp_min_points: of
-    the smallest; thin: voxel of the sample
-    of points kept.
+    the base stands on is steeper to it; floor_min_points: returns of the smallest floor or ceiling,
+    floor_min_beam: of a beam that it is fitted to; ramp: least and largest slope of one,
+    ramp_min_points: of the smallest.
+
+    max_range: returns from farther away, in plan, are of no plane; thin: voxel of the sample of
+    points kept.
     """
 
     window: float = 0.35
