@@ -1,4 +1,7 @@
-"""graph.json: the layered scene graph as nodes and edges, and apart from them their truth."""
+"""graph.json: a scene graph as nodes and edges, and apart from them their truth.
+
+What enters it, and that it is no image of the factor graph: ``eval.scenegraph``.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,8 @@ class KeyframeNode:
 
 @dataclass(frozen=True)
 class PlaneNode:
-    """n.x + d = 0 in the map; segment: (2, 2) in plan view; z_range: lowest and highest [m]."""
+    """n.x + d = 0 in the map; segment: (2, 2) in plan view, of upright planes (of others it means
+    nothing); z_range: lowest and highest [m]."""
 
     id: str
     normal: Array
@@ -76,7 +80,8 @@ Node = KeyframeNode | PlaneNode | WallNode | RoomNode | FloorNode
 
 @dataclass(frozen=True)
 class GraphEdge:
-    """A factor or relation between two nodes."""
+    """What joins two nodes: the way from one keyframe to the next (odometry), a keyframe that saw
+    a plane (observes), or a wall, room or floor and what it is made of. No factor."""
 
     type: str
     source: str

@@ -118,8 +118,8 @@ class LabelStore:
 class TruthKeeper:
     """Collects the truth of every scan, and what it says of every detector update.
 
-    Call ``add_scan`` (or ``digest`` and ``add``) for every scan in order, then ``snapshot`` at each
-    detector update. Memory: a pose per scan, 5 cm bins of the faces, and 24 bytes per kept return.
+    Call ``digest`` and ``add`` for every scan in order, ``snapshot`` at each detector update.
+    Memory: a pose per scan, 5 cm bins of the faces, and 24 bytes per kept return.
     """
 
     def __init__(self, truth: Truth, rule: SeenRule = SCORING) -> None:

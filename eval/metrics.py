@@ -140,7 +140,12 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class Metrics:
-    """metrics.json, whole. T_world_map: (4, 4) as nested tuples."""
+    """metrics.json, whole. T_world_map: (4, 4) as nested tuples.
+
+    There are two sets of keyframes: the front end's, of which planes are extracted, and those among
+    them that the back end keeps. ate_keyframes_m is over the front end's; ``consistency`` and
+    graph.json have the kept ones. ate_m, ate_online_m and ate_odometry_m are over all scans.
+    """
 
     schema: str
     status: str

@@ -1,4 +1,9 @@
-"""The layered graph of a run as it is written to graph.json."""
+"""The scene graph of a run as it is written to graph.json.
+
+It is made of the final map's keyframes and planes and of the detector's last word on that map, its
+rooms and walls: not of the variables of the factor graph (``slam.graph``), which that word has not
+entered any more.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +35,8 @@ def node_id(layer: str, number: int) -> str:
 def scene_graph(
     view: MapView, proposals: Proposals, truth: Mapping[tuple[str, int], str]
 ) -> SceneGraph:
-    """Nodes and edges of all layers. truth: (layer, id) -> label."""
+    """Nodes and edges of all layers. view: the final map; proposals: the detector's last word on
+    it; truth: (layer, id) -> label."""
     nodes: list[Node] = [
         KeyframeNode(node_id("keyframe", k.id), k.T_map_base) for k in view.keyframes
     ]

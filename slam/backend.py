@@ -52,8 +52,8 @@ class BackEndConfig:
 
 
 class BackEnd:
-    """One run's map. Feed it every frame in order; after a keyframe ask for the ``view``, hand the
-    detector's proposals to ``accept``, and ``optimise``."""
+    """One run's map. Feed it every frame in order; after a keyframe ask for the ``view`` and hand
+    the detector's proposals to ``accept``; at the end, ``finish``."""
 
     def __init__(self, config: BackEndConfig = BackEndConfig()):
         self._config = config
@@ -196,7 +196,8 @@ class BackEnd:
             self._graph.drop_plane(plane)
 
     def accept(self, proposals: Proposals) -> None:
-        """The rooms and walls that the graph holds from now on."""
+        """The rooms and walls that the graph holds from now on; the next keyframe, or ``finish``,
+        solves with them."""
         if self._config.layers == "planes":
             return
         rooms = self._rooms.of(proposals.rooms)
@@ -261,7 +262,7 @@ class BackEnd:
         return len(self._planes)
 
     def latest(self) -> Array:
-        """T_map_base (4, 4) of the last scan as it is known now."""
+        """T_map_base (4, 4) of the last scan as it was known when the scan had been processed."""
         return self._path.latest()
 
     def stamps(self) -> Array:
@@ -281,5 +282,6 @@ class BackEnd:
         return self._path.trajectory(self._estimates.poses)
 
     def graph(self) -> LayeredGraph:
-        """The layered graph itself, for its nodes and edges."""
+        """The factor graph itself: how sure it is, and how well its factors fit. What it holds of
+        rooms and walls is the last word that was accepted."""
         return self._graph

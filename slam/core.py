@@ -198,6 +198,8 @@ class KeyframeScan:
 class Frame:
     """The front end's word on one scan; ``keyframe`` is None for most.
 
+    A keyframe of the front end is a candidate: the back end keeps it as a ``Keyframe`` of the map,
+    or finds that it stands beside one that has seen as much, and only locates it there.
     T_odom_base: by the odometry alone; T_track_base: refined against the planes seen lately.
     """
 
@@ -210,7 +212,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A keyframe with its pose as estimated now, and the storey that the base was on."""
+    """A keyframe that the back end has kept, with its pose as estimated now, and the storey that
+    the base was on. ``id`` counts these alone."""
 
     id: int
     scan_index: int
@@ -256,12 +259,14 @@ class MapPlane:
 
     @cached_property
     def axis(self) -> Array:
-        """(2,) the level direction in which the plane runs."""
+        """(2,) unit, map frame: the level direction in which an upright plane runs. It means
+        nothing of a horizontal one."""
         return plane_axes(self.normal)[0][:2]
 
     @cached_property
     def segment(self) -> Array:
-        """(2, 2) the ends of the plane in plan view, from its points (1st to 99th percentile)."""
+        """(2, 2) the ends of an upright plane in plan view, map frame [m], from its points (1st to
+        99th percentile). It means nothing of a horizontal one."""
         along = self.points[:, :2] @ self.axis
         low, high = np.percentile(along, [1.0, 99.0])
         steepness = max(float(np.hypot(*self.normal[:2])), 1e-9)

@@ -50,7 +50,8 @@ class Scores:
     """Everything that is scored; what needs T_world_map is None inside where there is none.
 
     Each trajectory is aligned by itself; ate_keyframes, and all scores of the map and of rooms, use
-    the alignment of the final estimate. fates: of rooms; None where they are not scored.
+    the alignment of the final estimate. ate_keyframes: over the front end's keyframes, kept by the
+    back end or not. fates: of rooms; None where they are not scored.
     """
 
     truth_trajectory: Trajectory
