@@ -21,7 +21,7 @@ from eval.graphfile import (
     SceneGraph,
     WallNode,
 )
-from slam.core import MapView, Proposals
+from slam.core import HORIZONTAL, MapView, Proposals
 
 LETTERS = {"keyframe": "x", "plane": "p", "wall": "w", "room": "r", "floor": "f"}
 """First letter of a node's id, by layer."""
@@ -53,7 +53,7 @@ def scene_graph(
         )
     floors: dict[int, list[str]] = {storey: [] for storey in sorted(_storeys(view, proposals))}
     for plane in view.planes:
-        if plane.normal[2] > 0.7:
+        if plane.normal[2] > HORIZONTAL:
             floors[plane.storey].append(node_id("plane", plane.id))
     nodes += [FloorNode(node_id("floor", s), tuple(planes)) for s, planes in floors.items()]
     labels = {node_id(layer, number): label for (layer, number), label in truth.items()}

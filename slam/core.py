@@ -1,7 +1,7 @@
 """The words every package shares: errors, rigid motions, planes, scans, and what is mapped.
 
-A leaf: it imports numpy and ``slam/geometry.py`` only, whose motions it hands on, so every package
-may import it. Metres, radians, seconds, z up, right-handed. ``T_a_b`` is a (4, 4) float64 matrix
+A leaf: it imports numpy and ``slam/geometry.py`` only, which it hands on, so every package may
+import it. Metres, radians, seconds, z up, right-handed. ``T_a_b`` is a (4, 4) float64 matrix
 that maps coordinates in frame b to frame a.
 Frames: ``world`` (the simulator's truth), ``map`` (estimates), ``odom``, ``base``, ``lidar``.
 """
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.geometry import (
+    HORIZONTAL,
     Array,
     Floats,
     interpolate,
@@ -38,6 +39,7 @@ from slam.geometry import (
 )
 
 __all__ = [
+    "HORIZONTAL",
     "POINT_ID_STRIDE",
     "Array",
     "Detector",
@@ -255,7 +257,7 @@ class MapPlane:
     @property
     def horizontal(self) -> bool:
         """True for floors and ceilings."""
-        return bool(abs(self.normal[2]) > 0.7)
+        return bool(abs(self.normal[2]) > HORIZONTAL)
 
     @cached_property
     def axis(self) -> Array:

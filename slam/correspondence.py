@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.core import Array, IntArray, plane_axes
+from slam.core import HORIZONTAL, Array, IntArray, plane_axes
 from slam.localplanes import LocalPlane
 
 
@@ -22,7 +22,7 @@ class PlaneStack:
         self.axes = np.array([plane_axes(plane.normal)[0] for plane in planes]).reshape(-1, 3)
         self.span = np.array([plane.span for plane in planes]).reshape(-1, 2)
         self.height = np.array([plane.height for plane in planes]).reshape(-1, 2)
-        self.level = np.abs(self.normals[:, 2]) > 0.7
+        self.level = np.abs(self.normals[:, 2]) > HORIZONTAL
 
     def __len__(self) -> int:
         return len(self.normals)

@@ -139,6 +139,9 @@ def interpolate(T_a_start: Array, T_a_end: Array, fractions: Array) -> tuple[Arr
 
 # --- planes --------------------------------------------------------------------------------------
 
+HORIZONTAL = 0.7
+"""Of a unit normal, the height beyond which its plane is a floor or a ceiling; a wall's is less."""
+
 
 def transform_plane(T_a_b: Array, normal_b: Array, d_b: float) -> tuple[Array, float]:
     """Plane n.x + d = 0 of frame b, expressed in frame a."""
@@ -153,7 +156,7 @@ def plane_axes(normal: Array) -> tuple[Array, Array]:
     a floor or ceiling it is the x axis, brought into the plane.
     """
     x, y, z = (float(component) for component in normal)
-    a, b, c = (1.0 - x * x, -x * y, -x * z) if abs(z) > 0.7 else (-y, x, 0.0)
+    a, b, c = (1.0 - x * x, -x * y, -x * z) if abs(z) > HORIZONTAL else (-y, x, 0.0)
     length = math.sqrt(a * a + b * b + c * c)
     a, b, c = a / length, b / length, c / length
     return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])

@@ -8,7 +8,7 @@ import numpy as np
 
 from slam.alignment import Sight, aligned
 from slam.association import AssociationConfig, difference, in_chart, statistical_distance
-from slam.core import Array, Floats, PlaneObservation, transform_points
+from slam.core import HORIZONTAL, Array, Floats, PlaneObservation, transform_points
 from slam.estimates import Estimates
 from slam.planeviews import PlaneViews
 from slam.support import Support
@@ -96,7 +96,7 @@ class Likeness:
         """Do the points (map frame) lie within reach of the plane's extent?"""
         config, support = self._config, self._supports[plane]
         chart = self._estimates.chart(plane)
-        if abs(chart.frame[2, 2]) > 0.7:
+        if abs(chart.frame[2, 2]) > HORIZONTAL:
             place = chart.place(points.mean(axis=0)[None])[0]
             return float(np.hypot(*place)) < config.extent
         low, high = support.z_range

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slam.core import Array, PlaneObservation, plane_axes, transform_plane, transform_points
+from slam.core import (
+    HORIZONTAL,
+    Array,
+    PlaneObservation,
+    plane_axes,
+    transform_plane,
+    transform_points,
+)
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ class LocalPlanes:
 
     def _same(self, plane: LocalPlane, normal: Array, centroid: Array, points: Array) -> bool:
         config = self._config
-        level = abs(normal[2]) > 0.7
+        level = abs(normal[2]) > HORIZONTAL
         if plane.normal @ normal < np.cos(config.level_angle if level else config.match_angle):
             return False
         if abs(plane.normal @ (centroid - plane.centroid)) > config.match_distance:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.core import (
+    HORIZONTAL,
     Array,
     KeyframeScan,
     PlaneObservation,
@@ -65,17 +66,14 @@ class LoopCloser:
         self._attempt_at = -np.inf
         self.loops: list[Loop] = []
 
-    def find(
-        self, poses: Array, scans: Sequence[KeyframeScan], way: float, room: set[int] | None = None
-    ) -> Loop | None:
+    def find(self, poses: Array, scans: Sequence[KeyframeScan], way: float) -> Loop | None:
         """A loop that the last keyframe closes, or None.
 
         poses: (K, 4, 4) T_map_base as estimated now, the last one new; scans: of the
-        keyframes; way: driven so far [m]; room: keyframes that are known to be of the
-        same room, however far the estimate has them.
+        keyframes; way: driven so far [m].
         """
         self._ways.append(way)
-        candidate = self._candidate(poses, way, room or set())
+        candidate = self._candidate(poses, way)
         if candidate is None or way - self._attempt_at < self._config.every:
             return None
         self._attempt_at = way
@@ -88,13 +86,12 @@ class LoopCloser:
         self.loops.append(loop)
         return loop
 
-    def _candidate(self, poses: Array, way: float, room: set[int]) -> int | None:
+    def _candidate(self, poses: Array, way: float) -> int | None:
         """The nearest keyframe that was left long ago."""
         config = self._config
         since = way - np.array(self._ways)
         distance = np.linalg.norm(poses[:, :3, 3] - poses[-1, :3, 3], axis=1)
         near = distance < config.radius + config.drift * since
-        near[sorted(room)] = True
         places = np.flatnonzero(near & (since > config.apart))
         return int(places[np.argmin(distance[places])]) if len(places) else None
 
@@ -130,7 +127,7 @@ class LoopCloser:
         directions: list[Array] = []
         for observation in later:
             normal, _ = transform_plane(T_earlier_later, observation.normal, observation.d)
-            if abs(normal[2]) > 0.7:
+            if abs(normal[2]) > HORIZONTAL:
                 continue
             total += len(observation.points)
             centroid = transform_points(T_earlier_later, observation.centroid)

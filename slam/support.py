@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from slam.association import PlaneBelief
 from slam.cells import CellGrid, Stretches
-from slam.core import Array, Floats, IntArray, PlaneObservation, point_ids, transform_points
+from slam.core import (
+    HORIZONTAL,
+    Array,
+    Floats,
+    IntArray,
+    PlaneObservation,
+    point_ids,
+    transform_points,
+)
 from slam.estimates import room_for
 
 
@@ -119,7 +127,7 @@ class Support:
         ids = point_ids(scan_index, observation.point_index[new])
         self.chunks.append(Chunk(observed.keyframe, observation.points[new], ids, shown))
         count = int(shown.sum())
-        level = bool(abs(observation.normal[2]) > 0.7)
+        level = bool(abs(observation.normal[2]) > HORIZONTAL)
         self.changed |= not level or count > self._grown * self.shown
         self.shown += count
 

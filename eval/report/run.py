@@ -19,7 +19,7 @@ from eval.report import html, svg
 from eval.roomtable import FALSE, FOUND, MISSED, ROOMS_FILE, RoomRow, read_rooms
 from eval.score.rooms import to_world
 from eval.score.trajectory import Trajectory, align, origin_alignment, position_errors, travelled
-from slam.core import Array, InputError
+from slam.core import HORIZONTAL, Array, InputError
 
 REPORT_FILE = "report.html"
 NONE = "-"
@@ -166,7 +166,7 @@ def _plan(run: RunFiles) -> Iterator[str]:
         if node.polygon is not None
     ]
     planes = [node for node in run.graph.nodes if isinstance(node, PlaneNode)]
-    upright = [to_world(T, node.segment) for node in planes if abs(node.normal[2]) < 0.7]
+    upright = [to_world(T, node.segment) for node in planes if abs(node.normal[2]) < HORIZONTAL]
     path = to_world(T, run.estimate.positions[:, :2])
     errors = _along(run.estimate, run.truth)
     words = "What was found: rooms (green: true, red: false), mapped planes, the estimated path"
