@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -73,16 +73,6 @@ class Concepts:
         for layer, held in self._held.items():
             for name in [name for name, node in held.items() if planes & set(node.planes)]:
                 self._remove(layer, name)
-
-    def planes(self, layer: str) -> dict[int, Sequence[int]]:
-        """Plane ids of each room or wall."""
-        return {name: node.planes for name, node in self._held[layer].items()}
-
-    def floor(self, storey: int = 0) -> Array | None:
-        """The place (2,) of a storey's floor node, once there is a room."""
-        key = gtsam.symbol(FLOOR, storey)
-        solver = self._optimiser.solver
-        return solver.point2(key) if solver.holds(key) else None
 
     def _replace(self, layer: str, nodes: Mapping[int, RoomNode | WallNode]) -> None:
         held = self._held[layer]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -140,14 +140,6 @@ class LayeredGraph:
         """Makes the graph hold exactly these rooms and walls: adds, rewires and removes."""
         self._concepts.hold(rooms, walls)
 
-    def concept_planes(self, layer: str) -> dict[int, Sequence[int]]:
-        """Plane ids of each room or wall in the graph."""
-        return self._concepts.planes(layer)
-
-    def floor(self, storey: int = 0) -> Array | None:
-        """The place (2,) of a storey's floor node, once there is a room."""
-        return self._concepts.floor(storey)
-
     # --- relations ---
 
     def set_relations(self, relations: Iterable[Relation], config: RelationConfig) -> None:
@@ -158,11 +150,6 @@ class LayeredGraph:
         for relation in sorted(wanted - self._relations, key=lambda r: (r.kind, r.planes)):
             self._factors.add(relation, self._relation_factor(relation, config))
         self._relations = wanted
-
-    @property
-    def relations(self) -> frozenset[Relation]:
-        """The relations that the graph holds."""
-        return frozenset(self._relations)
 
     def _forget_relations_of(self, plane: int) -> None:
         gone = {relation for relation in self._relations if plane in relation.planes}
@@ -239,10 +226,6 @@ class LayeredGraph:
     def chi_squares(self) -> dict[str, ChiSquare]:
         """By type of factor, at the last estimate."""
         return chi_squares(self._optimiser.solver.squares())
-
-    def variable_count(self) -> int:
-        """How many variables the solver holds."""
-        return self._optimiser.solver.variable_count()
 
 
 def _cauchy() -> gtsam.noiseModel.mEstimator.Cauchy:

@@ -71,10 +71,6 @@ class Solver:
         """Is there such a variable?"""
         return bool(self._isam.valueExists(key) or self._values.exists(key))
 
-    def variable_count(self) -> int:
-        """How many variables have been solved for."""
-        return int(self._isam.getLinearizationPoint().size())
-
     # --- solving ---
 
     def update(self) -> None:
@@ -98,12 +94,6 @@ class Solver:
     def point3(self, key: int) -> Array:
         """(3,) of one variable."""
         return np.asarray(self._isam.calculateEstimatePoint3(key))
-
-    def point2(self, key: int) -> Array:
-        """(2,) of one variable, solved for or only inserted."""
-        if self._values.exists(key):
-            return np.array(self._values.atPoint2(key))
-        return np.array(self._isam.calculateEstimatePoint2(key))
 
     def values(self) -> gtsam.Values:
         """Of all variables, exactly: answers about single ones leave out what changes by less than
