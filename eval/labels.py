@@ -135,20 +135,6 @@ class TruthKeeper:
         self._last_votes: dict[int, RoomVote] = {}
         self.voter = Voter(self, self.seen)
 
-    def add_scan(
-        self,
-        scan: Scan,
-        truth: ScanTruth,
-        keyframe: bool,
-        point_index: IntArray | None = None,
-    ) -> None:
-        """Take in a scan's truth. Of a keyframe the labels are kept, so that ids can be decoded.
-
-        point_index: the only returns of a keyframe that will ever be asked for (those of its plane
-        observations); without it all are kept.
-        """
-        self.add(self.digest(scan, truth, keyframe, point_index))
-
     def digest(
         self,
         scan: Scan,
@@ -156,7 +142,11 @@ class TruthKeeper:
         keyframe: bool,
         point_index: IntArray | None = None,
     ) -> TruthStep:
-        """What ``add`` needs of the next scan; changes nothing."""
+        """What ``add`` needs of the next scan; changes nothing.
+
+        Of a keyframe the labels are kept, so that ids can be decoded. point_index: the only returns
+        of it that will ever be asked for (those of its plane observations); without it all are.
+        """
         kept = None
         if keyframe:
             rows = np.arange(len(scan)) if point_index is None else np.unique(point_index)

@@ -47,7 +47,7 @@ class SeenStep:
 
 
 class SeenFaces:
-    """Bins with returns, per face, and since when. Grows monotonically with ``add``.
+    """Bins with returns, per face, and since when. Grows monotonically with ``apply``.
 
     first: (bins,) stamp of each bin's first return, inf without; since: (F,) stamp at which each
     face became seen, inf while it is not; touched: (F,) bins with returns.
@@ -83,36 +83,21 @@ class SeenFaces:
     ) -> Array:
         return x * self._x.take(f) + y * self._y.take(f) + self._from.take(f)
 
-    def add(
-        self,
-        face: NDArray[np.int32],
-        points: NDArray[np.floating],
-        ranges: NDArray[np.floating],
-        stamp: float,
-    ) -> None:
-        """Take in one scan's returns: labels (N,), points (N, 3) world, ranges (N,) [m]."""
-        self.apply(self.digest(face, points, ranges), stamp)
-
-    def add_along(self, face: NDArray[np.int32], along: Array, stamp: float) -> None:
-        """Take in returns from near enough, by their faces (N,) and places along them (N,)."""
-        self.apply(self._digest(face, along), stamp)
-
     def digest(
         self,
         face: NDArray[np.int32],
         points: NDArray[np.floating],
         ranges: NDArray[np.floating],
     ) -> SeenStep:
-        """What one scan's returns add to what has been seen up to now; changes nothing."""
+        """What one scan's returns add to what has been seen up to now; changes nothing. face: (N,)
+        labels; points: (N, 3) world frame [m]; ranges: (N,) [m]."""
         near = np.flatnonzero((face >= 0) & (ranges <= self.rule.max_range_m))
         f = face[near]
-        return self._digest(f, self._along(f, points[near, 0], points[near, 1]))
-
-    def _digest(self, face: NDArray[np.int32], along: Array) -> SeenStep:
-        count = np.bincount(face, minlength=len(self.bins))
-        last = self.bins.take(face) - 1
+        along = self._along(f, points[near, 0], points[near, 1])
+        count = np.bincount(f, minlength=len(self.bins))
+        last = self.bins.take(f) - 1
         places = np.floor(along / self.rule.bin_m + 1e-6).astype(np.int64)
-        bins = self.offset.take(face) + np.minimum(np.maximum(places, 0), last)
+        bins = self.offset.take(f) + np.minimum(np.maximum(places, 0), last)
         fresh = np.unique(bins[np.isinf(self.first.take(bins))])
         faces = np.flatnonzero(count)
         return SeenStep(faces, count[faces], fresh)

@@ -111,7 +111,8 @@ class House:
         """A keeper that has seen one keyframe per look, from the middle of A."""
         keeper = TruthKeeper(self.truth)
         for index, look in enumerate(looks):
-            keeper.add_scan(*self.scan(index, 0.1 * index, (2.0, 1.5, 0.0), look), keyframe=True)
+            pair = self.scan(index, 0.1 * index, (2.0, 1.5, 0.0), look)
+            keeper.add(keeper.digest(*pair, keyframe=True))
         return keeper
 
     def plane(

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from looking import keep
 
 from eval.labels import TruthKeeper
 from eval.score.votes import inside, majority, strict_owner
@@ -30,7 +31,7 @@ def test_ids_decode_to_labels_and_true_points(house) -> None:
     keeper = TruthKeeper(house.truth)
     pairs = [house.scan(k, 0.1 * k, (2, 1.5, 0), house.whole(0, k)) for k in (1, 2, 3)]
     for (scan, truth), keyframe in zip(pairs, (True, False, True), strict=True):
-        keeper.add_scan(scan, truth, keyframe)
+        keep(keeper, scan, truth, keyframe)
     for scan, truth in (pairs[2], pairs[0]):
         pick = np.random.default_rng(0).permutation(len(scan))[:50]
         ids = point_ids(scan.index, pick)
@@ -47,7 +48,7 @@ def test_ids_decode_to_labels_and_true_points(house) -> None:
 def test_only_the_named_returns_are_kept(house) -> None:
     keeper = TruthKeeper(house.truth)
     scan, truth = house.scan(4, 0.4, (2, 1.5, 0), house.whole(0, 1))
-    keeper.add_scan(scan, truth, True, point_index=np.array([700, 3, 3, 12]))
+    keep(keeper, scan, truth, True, point_index=np.array([700, 3, 3, 12]))
     kept = np.array([3, 12, 700])
     assert np.array_equal(keeper.faces_of(point_ids(4, kept)), truth.face[kept])
     with pytest.raises(InputError, match="not of a keyframe"):
@@ -57,13 +58,13 @@ def test_only_the_named_returns_are_kept(house) -> None:
 def test_a_scan_twice_is_refused(house) -> None:
     keeper = house.keeper(house.whole(0))
     with pytest.raises(InputError, match="twice"):
-        keeper.add_scan(*house.scan(0, 0.0, (2, 1.5, 0), house.whole(0)), keyframe=True)
+        keep(keeper, *house.scan(0, 0.0, (2, 1.5, 0), house.whole(0)), keyframe=True)
 
 
 def test_the_start_is_that_of_the_first_sweep(house) -> None:
     keeper = TruthKeeper(house.truth)
     for k in (1, 2):
-        keeper.add_scan(*house.scan(k, 0.1 * k, (2, 1.5, 0), house.whole(0)), keyframe=False)
+        keep(keeper, *house.scan(k, 0.1 * k, (2, 1.5, 0), house.whole(0)), keyframe=False)
     assert keeper.start == pytest.approx(0.0)
 
 
@@ -98,7 +99,7 @@ def test_a_piece_is_judged_by_its_own_points_not_by_its_plane(house) -> None:
     looks = house.whole(0, 4)
     pair = house.scan(0, 0.0, (2, 1.5, 0), looks)
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     plane = house.plane(0, pair, looks)
     left = PlanePiece(0, np.array([[-1.0, 0.0], [4.05, 0.0]]))
     right = PlanePiece(0, np.array([[4.05, 0.0], [8.1, 0.0]]))
@@ -117,7 +118,7 @@ def test_labels_ignore_where_the_map_has_drifted_to(house) -> None:
     looks = house.whole(0, 1)
     pair = house.scan(0, 0.0, (2, 1.5, 0), looks)
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     T = np.eye(4)
     T[:3, 3] = 100.0, -50.0, 3.0
     planes = [house.plane(i, pair, {i: looks[i]}, T_map_world=T) for i in (0, 1)]
@@ -147,7 +148,7 @@ def test_votes_follow_a_plane_that_grows(house) -> None:
     looks = house.whole(0, 4)
     pair = house.scan(0, 0.0, (2, 1.5, 0), looks)
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     wide = PlanePiece(0, np.array([[-1.0, 0.0], [9.0, 0.0]]))
     small = house.plane(0, pair, {4: (0.0, 1.0)})
     grown = dataclasses.replace(house.plane(0, pair, {0: (0.0, 4.0), 4: (0, 1)}), revision=1)
@@ -162,11 +163,11 @@ def test_an_instant_uses_what_was_seen_by_then(house) -> None:
     """Two faces of A known: a whole room then; once all of A has been seen, 3 m of 14 m."""
     first = house.scan(0, 0.0, (2, 1.5, 0), house.whole(1))
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*first, keyframe=True)
+    keep(keeper, *first, keyframe=True)
     plane = house.plane(0, first, house.whole(1))
     proposals = Proposals((room(0, house.piece(plane)),))
     keeper.snapshot(0.0, 0.01, house.view(plane), proposals)
-    keeper.add_scan(*house.scan(1, 0.1, (2, 1.5, 0), house.whole(0, 2, 3)), keyframe=True)
+    keep(keeper, *house.scan(1, 0.1, (2, 1.5, 0), house.whole(0, 2, 3)), keyframe=True)
     keeper.snapshot(0.1, 0.01, house.view(plane), proposals)
     coverages = [instant.rooms[0].coverage for instant in keeper.instants]
     assert coverages == pytest.approx([1.0, 3.0 / 14.0])
@@ -175,7 +176,7 @@ def test_an_instant_uses_what_was_seen_by_then(house) -> None:
 def test_unchanged_votes_are_shared_between_instants(house) -> None:
     pair = house.scan(0, 0.0, (2, 1.5, 0), house.whole(1))
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     plane = house.plane(0, pair, house.whole(1))
     for stamp in (0.0, 0.1):
         view = MapView(stamp, (plane,), ())
@@ -214,7 +215,7 @@ def test_a_piece_covers_only_its_own_face(house) -> None:
     looks = house.whole(0, 1)
     pair = house.scan(0, 0.0, (2, 1.5, 0), looks)
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     plane = house.plane(0, pair, {0: (2.0, 4.0), 1: (0.0, 1.0)})
     wide = PlanePiece(0, np.array([[-1.0, 0.0], [9.0, 0.0]]))
     (vote,), _ = keeper.votes(house.view(plane), Proposals((room(0, wide),)))

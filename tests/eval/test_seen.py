@@ -6,22 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from looking import see
 from shapely.geometry import box
 
 from eval.seen import RoomVisits, SeenFaces
 from worlds.truth import FLOOR, Floor
 
 
-def add(seen: SeenFaces, face: int, along: np.ndarray, stamp: float = 0.0) -> None:
-    seen.add_along(np.full(len(along), face, np.int32), along, stamp)
-
-
 def test_a_face_needs_100_returns_over_half_a_metre(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 0, np.linspace(0.01, 0.49, 99))
+    see(seen, house.truth, 0, np.linspace(0.01, 0.49, 99))
     assert not seen.seen[0]
     assert seen.length(0) == 0.0
-    add(seen, 0, np.array([0.2]), stamp=1.0)
+    see(seen, house.truth, 0, np.array([0.2]), stamp=1.0)
     assert seen.seen[0]
     assert seen.since[0] == 1.0
     assert seen.length(0) == pytest.approx(0.5)
@@ -29,9 +26,9 @@ def test_a_face_needs_100_returns_over_half_a_metre(house) -> None:
 
 def test_many_returns_on_a_short_stretch_are_not_enough(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 0, np.linspace(0.01, 0.44, 1000))
+    see(seen, house.truth, 0, np.linspace(0.01, 0.44, 1000))
     assert not seen.seen[0]
-    add(seen, 0, np.array([0.46]))
+    see(seen, house.truth, 0, np.array([0.46]))
     assert seen.seen[0]
 
 
@@ -39,9 +36,9 @@ def test_returns_from_beyond_15_m_do_not_count(house) -> None:
     seen = SeenFaces(house.truth)
     labels = np.zeros(500, np.int32)
     points = np.column_stack([np.linspace(0.1, 3.9, 500), np.zeros(500), np.ones(500)])
-    seen.add(labels, points, np.full(500, 15.01), 0.0)
+    seen.apply(seen.digest(labels, points, np.full(500, 15.01)), 0.0)
     assert not seen.seen.any()
-    seen.add(labels, points, np.full(500, 15.0), 0.0)
+    seen.apply(seen.digest(labels, points, np.full(500, 15.0)), 0.0)
     assert seen.seen.tolist() == [True] + [False] * 11
 
 
@@ -50,7 +47,7 @@ def test_length_counts_bins_with_returns_only(house) -> None:
     seen = SeenFaces(house.truth)
     along = np.concatenate([np.arange(0.025, 1.0, 0.05), np.arange(1.925, 4.0, 0.05)])
     for stamp in range(4):
-        add(seen, 0, along, float(stamp))
+        see(seen, house.truth, 0, along, float(stamp))
     assert seen.length(0) == pytest.approx(3.1)
     assert seen.room_length(0) == pytest.approx(3.1)
     assert seen.room_length(1) == 0.0
@@ -61,23 +58,23 @@ def test_length_counts_bins_with_returns_only(house) -> None:
 
 def test_a_room_s_length_is_that_of_its_seen_faces(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 0, np.linspace(0.001, 3.999, 400))
-    add(seen, 1, np.linspace(0.001, 2.999, 99))
+    see(seen, house.truth, 0, np.linspace(0.001, 3.999, 400))
+    see(seen, house.truth, 1, np.linspace(0.001, 2.999, 99))
     assert seen.room_length(0) == pytest.approx(4.0)
-    add(seen, 1, np.array([0.5]))
+    see(seen, house.truth, 1, np.array([0.5]))
     assert seen.room_length(0) == pytest.approx(7.0)
 
 
 def test_overlapping_stretches_cover_once(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 1, np.linspace(0.001, 2.999, 600))
+    see(seen, house.truth, 1, np.linspace(0.001, 2.999, 600))
     assert seen.covered(1, [(0.01, 1.49), (1.01, 1.99)]) == pytest.approx(2.0)
     assert seen.covered(1, []) == 0.0
 
 
 def test_an_unseen_face_covers_nothing(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 1, np.linspace(0.001, 2.999, 60))
+    see(seen, house.truth, 1, np.linspace(0.001, 2.999, 60))
     assert seen.covered(1, [(0.0, 3.0)]) == 0.0
 
 
@@ -93,14 +90,14 @@ def test_along_is_measured_from_the_first_end(house) -> None:
 def test_labels_that_are_no_faces_are_passed_over(house) -> None:
     seen = SeenFaces(house.truth)
     points = np.column_stack([np.linspace(0.1, 3.9, 500), np.zeros(500), np.zeros(500)])
-    seen.add(np.full(500, FLOOR, np.int32), points, np.ones(500), 0.0)
+    seen.apply(seen.digest(np.full(500, FLOOR, np.int32), points, np.ones(500)), 0.0)
     assert not seen.seen.any()
     assert seen.returns.sum() == 0
 
 
 def test_noise_beyond_the_ends_falls_into_the_end_bins(house) -> None:
     seen = SeenFaces(house.truth)
-    add(seen, 0, np.concatenate([np.linspace(0.0, 0.5, 120), [-0.03, 4.02]]))
+    see(seen, house.truth, 0, np.concatenate([np.linspace(0.0, 0.5, 120), [-0.03, 4.02]]))
     assert seen.length(0) == pytest.approx(0.6)
     assert seen.since[1] == np.inf
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from looking import keep
 
 from eval.labels import TruthKeeper
 from eval.score.consistency import ChiSquares, Consistency, Nees, score_consistency
@@ -63,7 +64,7 @@ def record_of(house, errors, T_map_world, shift=0.0):
     nothing = KeyframeScan((), np.zeros((0, 3)), np.zeros(3))
     for k, (T, e) in enumerate(zip(true, errors, strict=True)):
         scan, truth = house.scan(k, 0.1 * (k + 1), T[:3, 3], look)
-        keeper.add_scan(scan, replace(truth, T_world_base=T), keyframe=True)
+        keep(keeper, scan, replace(truth, T_world_base=T), keyframe=True)
         estimated = T_map_world @ T @ inverse(pose(so3_exp(e[:3]), e[3:]))
         keyframes.append(Keyframe(k, k, 0.1 * (k + 1), estimated, nothing))
     pair = house.scan(0, 0.1, true[0][:3, 3], look)
@@ -112,7 +113,7 @@ def test_without_true_poses_there_is_only_how_well_the_factors_fit(house):
     unknown = TruthKeeper(house.truth)
     scan, truth = house.scan(0, 0.1, (1.0, 1.5, 0.0), house.whole(0))
     lost = replace(truth, T_world_base=np.full((4, 4), np.nan))
-    unknown.add_scan(scan, lost, keyframe=True)
+    keep(unknown, scan, lost, keyframe=True)
     found = score_consistency(replace(record, keeper=unknown), votes, graph)
     assert found == Consistency(chi2=ChiSquares(odometry=0.5, planes=0.5))
     assert json.dumps(found.keyframes.mean) == "null"

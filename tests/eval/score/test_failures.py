@@ -23,7 +23,7 @@ def seen_of(house, *faces: int) -> SeenFaces:
         points = house.returns(face, 0.0, house.truth.faces[face].length)
         labels = np.full(len(points), face, dtype=np.int32)
         for _ in range(3):
-            seen.add(labels, points, np.ones(len(points)), 0.0)
+            seen.apply(seen.digest(labels, points, np.ones(len(points))), 0.0)
     return seen
 
 

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from looking import keep
 
 from eval.labels import TruthKeeper
 from eval.score.planes import (
@@ -29,7 +30,7 @@ def stage(house):
     """A keyframe that sees every face whole, and how to score planes made from it."""
     pair = house.scan(0, 0.0, (2.0, 1.5, 0.0), house.whole(*range(12)))
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
 
     def run(*planes: MapPlane, T: Array | None = None) -> PlaneScore:
         T_world_map = np.eye(4) if T is None else T
@@ -145,7 +146,7 @@ def test_floors_have_surfaces_too(house) -> None:
     ]
     pair = house.scan(0, 0.0, (2.0, 1.5, 0.0), {}, extra)
     keeper = TruthKeeper(truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     ends = np.cumsum([0] + [len(points) for _, points in extra])
     planes = [
         MapPlane(i, np.array([0.0, 0, 1]), 0.0, points, np.arange(*ends[i : i + 2]), np.array([0]))
@@ -233,7 +234,7 @@ def test_no_planes_and_no_alignment(house, stage) -> None:
 def test_completeness_is_over_the_seen_faces(house) -> None:
     pair = house.scan(0, 0.0, (2.0, 1.5, 0.0), house.whole(0, 1))
     keeper = TruthKeeper(house.truth)
-    keeper.add_scan(*pair, keyframe=True)
+    keep(keeper, *pair, keyframe=True)
     rows = [labelled(house.plane(0, pair, house.whole(0)), keeper)]
     result = score_planes(rows, house.truth, keeper.seen, np.eye(4))
     assert (result.faces_seen, result.completeness) == (2, 0.5)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from looking import see
 from shapely.geometry import Polygon, box
 
 from eval.score.rooms import RoomScore, iou, match_centres, score_rooms
@@ -26,7 +27,7 @@ def seen(house) -> SeenFaces:
     seen = SeenFaces(house.truth)
     for face in house.truth.faces:
         along = np.linspace(0.001, face.length - 0.001, 800)
-        seen.add_along(np.full(800, face.id, np.int32), along, 0.0)
+        see(seen, house.truth, face.id, along)
     return seen
 
 
@@ -109,7 +110,7 @@ def test_unseen_faces_do_not_count_against_a_room(house, vote, score) -> None:
     """Only the south face of A has been seen: a detection of it alone covers all there is."""
     partly = SeenFaces(house.truth)
     along = np.linspace(0.001, 3.999, 800)
-    partly.add_along(np.zeros(800, np.int32), along, 0.0)
+    see(partly, house.truth, 0, along)
     proposal = RoomProposal(0, (), None, np.array(IN_A), 1.0)
     only = room_vote(proposal, [PieceVote(0, 0.0, 4.0)], partly)
     assert only.coverage == 1.0

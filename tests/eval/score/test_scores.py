@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from looking import keep
 
 from eval.labels import TruthKeeper
 from eval.metrics import Loops, RunFacts, Stages, StageTime, assemble
@@ -52,7 +53,8 @@ def drive(house, T_map_world: Array, steps: int = 40) -> RunRecord:
     for k, T_world_base in enumerate(poses):
         looks = house.whole(*range(12)) if k == 0 else {}
         scan, truth = house.scan(k, 0.1 * (k + 1), T_world_base[:3, 3], looks)
-        keeper.add_scan(
+        keep(
+            keeper,
             scan,
             ScanTruth(T_world_base, truth.face, truth.geom, truth.points_world),
             keyframe=k % 10 == 0,
@@ -223,7 +225,8 @@ def test_a_run_too_short_to_align_has_nulls_not_nonsense(house, surface) -> None
     cut = Trajectory(record.estimate.stamps[:2], record.estimate.poses[:2])
     keeper = TruthKeeper(house.truth)
     for k in range(2):
-        keeper.add_scan(
+        keep(
+            keeper,
             *house.scan(k, 0.1 * (k + 1), (1.0 + k, 1.0, 0.0), house.whole(*range(12))),
             keyframe=k == 0,
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from looking import see
 
 from eval.score.votes import WallVote
 from eval.score.walls import score_walls
@@ -17,7 +18,7 @@ def seen_of(house, *faces: int) -> SeenFaces:
     seen = SeenFaces(house.truth)
     for face in faces:
         along = np.linspace(0.0, house.truth.faces[face].length, 400)
-        seen.add_along(np.full(400, face, np.int32), along, 0.0)
+        see(seen, house.truth, face, along)
     return seen
 
 
