@@ -17,7 +17,6 @@ import numpy as np
 
 from eval.files import check, finite, read_json, read_text, write_bytes, write_text
 from eval.metrics import SCHEMA, Metrics
-from eval.pointfile import ply_vertices
 from eval.score.trajectory import Trajectory
 from slam.core import (
     Array,
@@ -85,21 +84,12 @@ _HEADER = (
 
 
 def write_ply(points: Array, plane_id: IntArray, path: Path) -> None:
-    """Write points (M, 3) and the planes (M,) they belong to."""
+    """Write points (M, 3) and the planes (M,) they belong to; ``eval.pointfile`` reads them."""
     table = np.empty(len(points), dtype=_VERTEX)
     for axis, name in enumerate("xyz"):
         table[name] = points[:, axis]
     table["plane_id"] = plane_id
     write_bytes(path, _HEADER.format(count=len(points)).encode() + table.tobytes())
-
-
-def read_ply(path: Path) -> tuple[Array, IntArray]:
-    """Points (M, 3) float64 and plane ids (M,) of a map.ply as ``write_ply`` writes it."""
-    table = ply_vertices(path)
-    check(table.dtype == _VERTEX, path, "header", "binary little-endian float x y z, int plane_id")
-    points = np.column_stack([table[name] for name in "xyz"]).astype(np.float64)
-    check(bool(np.isfinite(points).all()), path, "body", "finite coordinates")
-    return points, table["plane_id"].astype(np.int64)
 
 
 # --- metrics.json ---------------------------------------------------------------------------------

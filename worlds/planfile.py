@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slam.core import InputError
 from worlds.fields import Field, read_json
 from worlds.plan import MAX_STOREYS, NamedRoute, Plan, Ramp, Storey
 from worlds.planlinks import links_text, read_ramps, read_routes
@@ -121,18 +120,9 @@ def _check_size(root: Field) -> None:
 # --- writing -------------------------------------------------------------------------------------
 
 
-def write_plan(plan: Plan, path: Path) -> None:
-    """Writes the plan; ``read_plan`` gives back the same geometry. Walls become outlines."""
-    partial = path.with_name(path.name + ".part")
-    try:
-        partial.write_text(plan_text(plan), encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
-
-
 def plan_text(plan: Plan) -> str:
-    """The text of the plan's file."""
+    """The text of the plan's file; ``read_plan`` gives back the same geometry. Walls become
+    outlines."""
     storeys = ",\n".join(storey_text(storey) for storey in plan.storeys)
     head = ",\n".join(
         f'"{key}": {quoted(value)}'

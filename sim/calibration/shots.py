@@ -50,12 +50,6 @@ class Shots:
         """(F, B) azimuths counted in steps of ``width`` [rad] from -pi."""
         return np.floor((self.azimuth + np.pi) / width).astype(np.int64)
 
-    @property
-    def azimuth_step(self) -> float:
-        """Mean turn between two firings [rad]."""
-        steps = np.diff(self.azimuth[:, 0])
-        return float(np.abs(np.mean(np.angle(np.exp(1j * steps)))))
-
 
 def shots_of_scans(scans: Iterable[Scan], sensor: Sensor) -> Shots:
     """Simulated scans with the shots that gave no return put back where they were fired."""

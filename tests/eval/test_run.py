@@ -10,7 +10,8 @@ import pytest
 from eval.config import RunConfig
 from eval.folder import read_config
 from eval.graphfile import read_graph
-from eval.outputs import read_metrics, read_ply, read_tum
+from eval.outputs import read_metrics, read_tum
+from eval.pointfile import ply_vertices
 from eval.run import run
 from sim.truth import ScanTruth
 from slam.core import InputError
@@ -46,8 +47,8 @@ def test_a_run_leaves_its_files_and_each_can_be_read(finished):
         assert len(read_tum(finished.folder / f"{name}.tum")) == round(SECONDS * 10)
     graph = read_graph(finished.folder / "graph.json")
     planes = {node.id for node in graph.nodes if node.id.startswith("p")}
-    points, plane_id = read_ply(finished.folder / "map.ply")
-    assert {f"p{i}" for i in np.unique(plane_id)} <= planes
+    points = ply_vertices(finished.folder / "map.ply")
+    assert {f"p{i}" for i in np.unique(points["plane_id"])} <= planes
     assert len(points) > 1000
     assert read_config(finished.folder).scene == "SE1"
 

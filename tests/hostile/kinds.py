@@ -32,7 +32,7 @@ from eval.graphfile import (
     read_graph,
     write_graph,
 )
-from eval.outputs import read_metrics, read_ply, read_tum, write_metrics, write_ply, write_tum
+from eval.outputs import read_metrics, read_tum, write_metrics, write_ply, write_tum
 from eval.pointfile import read_cloud, thinned
 from eval.recordings import open_recording
 from eval.recordings.labels import LabelsFile, LabelsWriter
@@ -235,7 +235,7 @@ KINDS: dict[str, Kind] = {
     "metrics": Kind(_of_run("metrics.json"), read_metrics),
     "graph": Kind(_of_run("graph.json"), read_graph),
     "trajectory": Kind(_of_run("trajectory.tum"), read_tum),
-    "map.ply": Kind(_of_run("map.ply"), read_ply, False),
+    "map.ply": Kind(_of_run("map.ply"), _score_cloud, False),
     "rooms table": Kind(_of_run("rooms.csv"), read_room_table),
     **{f"page of {name}": Kind(_of_run(name), _page) for name in PAGE},
     "ablation table": Kind(
