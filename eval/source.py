@@ -40,7 +40,7 @@ AHEAD_FROM = 45.0
 UNKNOWN = Truth((), (), (), (), (Floor(0, 0.0, 0.0),))
 """The truth of a place of which nothing is known."""
 
-SIMULATED_ONLY = ("speed", "storey", "start", "route", "conditions", "unit", "up")
+SIMULATED_ONLY = ("speed", "storey", "start", "route", "closed", "conditions", "unit", "up")
 """Fields of RunConfig that say something to the simulator only."""
 
 _log = logging.getLogger(__name__)
@@ -142,7 +142,8 @@ def seeds(config: RunConfig) -> list[np.random.SeedSequence]:
 def _recorded_place(config: RunConfig) -> Place:
     """With labels, the world that the drive was recorded in is built again."""
     for name in SIMULATED_ONLY:
-        if getattr(config, name) is not None:
+        value = getattr(config, name)
+        if not (value is None or value is False):  # storey 0 was given
             raise InputError(f"{name}: {config.scene} is a recording, it cannot be driven again")
     path = Path(config.scene)
     labels, truth = None, config.truth

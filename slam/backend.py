@@ -11,6 +11,7 @@ from slam.concepts import RoomNode, WallNode
 from slam.core import (
     Array,
     Frame,
+    InputError,
     Keyframe,
     KeyframeScan,
     MapView,
@@ -33,13 +34,19 @@ from slam.relations import RelationConfig, Relations
 from slam.storeys import Storeys
 from slam.support import Observed
 
+LAYERS = ("planes", "rooms", "rooms+walls")
+"""What enters the graph: keyframes and planes alone, and what beside them."""
+
 
 @dataclass(frozen=True)
 class BackEndConfig:
-    """layers: what enters the graph beside keyframes and planes; relations: what that says of
-    planes beside the published factors (None: nothing); loops: None closes none; merge_every:
-    keyframes between two searches for planes that are one; near [m], often: a keyframe so near an
-    earlier one adds nothing if all planes that it sees have been seen so often."""
+    """Raises InputError for unknown layers.
+
+    layers: one of ``LAYERS``; relations: what rooms and walls say of planes beside the published
+    factors (None: nothing); loops: None closes none; merge_every: keyframes between two searches
+    for planes that are one; near [m], often: a keyframe so near an earlier one adds nothing if all
+    planes that it sees have been seen so often.
+    """
 
     layers: str = "rooms+walls"
     relations: RelationConfig | None = None
@@ -49,6 +56,11 @@ class BackEndConfig:
     often: int = 10
     graph: GraphConfig = field(default_factory=GraphConfig)
     planes: PlaneMapConfig = field(default_factory=PlaneMapConfig)
+
+    def __post_init__(self) -> None:
+        if self.layers not in LAYERS:
+            expected = ", ".join(LAYERS)
+            raise InputError(f"layers: {self.layers!r} is unknown, expected one of {expected}")
 
 
 class BackEnd:

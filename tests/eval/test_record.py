@@ -146,6 +146,8 @@ def test_a_real_recording_runs_without_truth(name: str, tmp_path: Path) -> None:
     [
         ({"speed": 1.0}, "speed: .* is a recording"),
         ({"start": "Kitchen"}, "start: .* is a recording"),
+        ({"storey": 0}, "storey: .* is a recording"),
+        ({"closed": True}, "closed: .* is a recording"),
         ({"topic": "/rear"}, "/rear: expected one of /points"),
         ({"truth": "/odom"}, "/odom: expected a .tum file or one of: /ground_truth, /wheel"),
         ({"truth": "absent.npz"}, "absent.npz: "),

@@ -7,7 +7,8 @@ from held import floor, residuals_of, variable_count
 from synthetic import base_pose, box_planes, in_base, scan_box
 
 from eval.config import FACTORS
-from slam.backend import BackEnd, BackEndConfig
+from eval.config import LAYERS as ASKED_LAYERS
+from slam.backend import LAYERS, BackEnd, BackEndConfig
 from slam.concepts import RoomNode
 from slam.core import (
     Frame,
@@ -224,6 +225,12 @@ def test_layers_say_what_enters_the_graph(frames, layers, rooms, walls):
     graph = run(frames[0], layers, room_of).graph()
     assert residuals_of(graph, "rooms") == rooms * ROOM
     assert residuals_of(graph, "walls") == walls * WALL
+
+
+def test_other_layers_are_refused():
+    assert LAYERS == ASKED_LAYERS
+    with pytest.raises(InputError, match="layers: 'walls' is unknown, .* planes, rooms, "):
+        BackEndConfig(layers="walls")
 
 
 def test_the_published_factors_add_no_information(frames):
