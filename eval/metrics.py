@@ -75,6 +75,8 @@ class Rooms:
     centre_recall: float | None = None
     mean_iou: float | None = None
     piece_f1: float | None = None
+    over_segmented: int | None = None
+    under_segmented: int | None = None
     retracted_true: int | None = None
     id_switches: int | None = None
 
@@ -249,6 +251,8 @@ def assemble(facts: RunFacts, scores: Scores) -> Metrics:
             centre_recall=rooms.centre_recall,
             mean_iou=rooms.mean_iou,
             piece_f1=rooms.piece_f1,
+            over_segmented=rooms.over_segmented,
+            under_segmented=rooms.under_segmented,
             retracted_true=time.retracted_true,
             id_switches=time.id_switches,
         ),

@@ -105,7 +105,7 @@ def metrics_values(metrics: Metrics) -> object:
     return _plain(dataclasses.asdict(metrics))
 
 
-ADDED = {"consistency.chi2.plumb"}
+ADDED = {"consistency.chi2.plumb", "rooms.over_segmented", "rooms.under_segmented"}
 """Keys that results of earlier versions lack: there they do not apply."""
 
 

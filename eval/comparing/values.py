@@ -31,7 +31,8 @@ LOWER_IS_BETTER = frozenset(
             for what in ("missed", "false")
             for cause in ("unseen", "planes", "edges", "clustering")
         ),
-        *("planes.duplicates", "rooms.retracted_true", "rooms.id_switches"),
+        *("planes.duplicates", "rooms.over_segmented", "rooms.under_segmented"),
+        *("rooms.retracted_true", "rooms.id_switches"),
         *("loops.false", "loops.missed", "first_room_s", "room_latency_s.median"),
         *("room_latency_s.p95", "startup_s", "wall_s", "peak_rss_mb"),
         *(

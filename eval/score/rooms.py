@@ -165,8 +165,8 @@ def score_rooms(
         centre_recall=ratio(recalled_centres, len(entered)),
         mean_iou=_mean_iou(votes, matches if by_pieces else centres, polygons, truth, T_world_map),
         piece_f1=piece_f1(votes, matches, truth, entered, mapped_faces) if by_pieces else None,
-        over_segmented=_over_segmented(votes),
-        under_segmented=sum(max(0, vote.held - 1) for vote in votes),
+        over_segmented=_over_segmented(votes) if by_pieces else None,
+        under_segmented=_under_segmented(votes) if by_pieces else None,
         matches={votes[place].id: room for place, room in sorted(matches.items())},
     )
 
@@ -217,3 +217,7 @@ def _mean_iou(
 def _over_segmented(votes: Sequence[RoomVote]) -> int:
     owners = [vote.owner for vote in votes if vote.owner is not None]
     return len(owners) - len(set(owners))
+
+
+def _under_segmented(votes: Sequence[RoomVote]) -> int:
+    return sum(max(0, vote.held - 1) for vote in votes)

@@ -206,6 +206,7 @@ def test_detections_without_pieces_have_the_centre_rule_alone(vote, score) -> No
     )
     assert (result.precision, result.recall, result.piece_f1) == (None, None, None)
     assert (result.detected, result.true_positive) == (None, None)
+    assert (result.over_segmented, result.under_segmented) == (None, None)
     assert result.centre_precision == pytest.approx(1 / 3)
     assert result.centre_recall == pytest.approx(1 / 3)
     assert result.mean_iou == pytest.approx(0.5)
