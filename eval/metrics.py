@@ -42,7 +42,15 @@ NO_TIME = StageTime(None, None, None)
 
 @dataclass(frozen=True)
 class Stages:
-    """Where the time went."""
+    """Where the time went.
+
+    A call of lidar and of odometry is a scan: until it is there, simulated or read; registration,
+    also where another process does it ahead, and refinement against the planes seen lately.
+    A call of planes is a keyframe of the front end. A call of semantics and of graph is a keyframe
+    that the back end keeps: the detector; and, around that, matching, factors, solving and taking
+    in what the detector says. What is spent on matching a keyframe that is not kept is of no stage:
+    as a call of graph it would pass for a quick update.
+    """
 
     lidar: StageTime = NO_TIME
     odometry: StageTime = NO_TIME
