@@ -34,8 +34,10 @@ def take(
     try:
         client = _loaded(viewer.address, recording)
         return [_take(client, shot, max(size)) for shot in shots]
-    except (RuntimeError, TimeoutError) as error:
-        raise ViewerError(f"{recording}: no picture could be taken: {error}") from error
+    except (RuntimeError, TimeoutError, ConnectionError) as error:
+        why = "the viewer has died (is there a graphics driver?)"
+        why = why if isinstance(error, ConnectionError) else str(error)
+        raise ViewerError(f"{recording}: no picture could be taken: {why}") from error
     finally:
         viewer.stop()
 

@@ -91,6 +91,27 @@ def test_the_run_outlives_its_viewer(play: Play) -> None:
     play(LiveSink(Recorder(ViewerTarget(viewer.address))))
 
 
+def test_a_viewer_that_dies_while_it_is_asked_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Client:
+        def get_state(self) -> None:
+            raise ConnectionError("transport error")
+
+    class Dead:
+        address = "rerun+http://127.0.0.1:1/proxy"
+
+        def stop(self) -> None:
+            stopped.append(self)
+
+    stopped: list[Dead] = []
+    monkeypatch.setattr("eval.view.shots.open_unseen", lambda *_: Dead())
+    monkeypatch.setattr("rerun.experimental.ViewerClient.connect", lambda _: Client())
+    with pytest.raises(ViewerError, match=r"no picture could be taken: .*graphics driver"):
+        take(tmp_path / "recording.rrd", [Shot()])
+    assert stopped
+
+
 @pytest.mark.slow
 def test_the_native_viewer_shows_rooms(tmp_path: Path, play: Play) -> None:
     path = tmp_path / "recording.rrd"
