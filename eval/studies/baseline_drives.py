@@ -47,9 +47,11 @@ def generated(seed: int, folder: Path) -> Path:
     return path
 
 
-def drive_of(plan: Path, cache: Path) -> Drive:
+def drive_of(plan: Path, conditions: str, cache: Path) -> Drive:
     """Drives through a building, or replays it. Raises InputError or RunError if it cannot."""
-    config = RunConfig(str(plan), detector="none", layers="planes", cache=cache)
+    config = RunConfig(
+        str(plan), conditions=conditions, detector="none", layers="planes", cache=cache
+    )
     place = make_place(config)
     assert place.truth is not None
     keeper, backend = TruthKeeper(place.truth), BackEnd(back_end_config(config))

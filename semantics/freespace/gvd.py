@@ -115,9 +115,7 @@ class _Field:
             b = b[a]
             differ = (self.parents[a] != self.parents[b]).any(axis=1)
             a, b = a[differ], b[differ]
-            distinct = self._distinct(
-                self.voxels[a], self.parents[a], self.voxels[b], self.parents[b]
-            )
+            distinct = self._distinct(self.voxels[a], self.parents[a], self.parents[b])
             a, b = a[distinct], b[distinct]
             to_other = ((self.voxels[a] - self.parents[b]) ** 2).sum(axis=1)
             from_other = ((self.voxels[b] - self.parents[a]) ** 2).sum(axis=1)
@@ -140,7 +138,7 @@ class _Field:
                 if not len(rows):
                     break
                 parent = self.parents[other[rows]]
-                new[rows] = self._distinct(at[rows], known[k, rows], at[rows], parent)
+                new[rows] = self._distinct(at[rows], known[k, rows], parent)
             rows = np.flatnonzero(new)
             known[count[rows], rows] = self.parents[other[rows]]
             count[rows] += 1
@@ -148,11 +146,9 @@ class _Field:
         found[chosen] = count
         return found
 
-    def _distinct(
-        self, at_a: Ints, parent_a: Ints, at_b: Ints, parent_b: Ints
-    ) -> NDArray[np.bool_]:
-        """Are the parents of two voxels far apart, or in clearly different directions?"""
-        away_a, away_b = parent_a - at_a, parent_b - at_b
+    def _distinct(self, at: Ints, parent_a: Ints, parent_b: Ints) -> NDArray[np.bool_]:
+        """Are two parents far apart, or in clearly different directions as seen from voxels?"""
+        away_a, away_b = parent_a - at, parent_b - at
         lengths = np.linalg.norm(away_a, axis=1) * np.linalg.norm(away_b, axis=1)
         cosine = (away_a * away_b).sum(axis=1) / np.maximum(lengths, 1e-9)
         apart = np.abs(parent_a - parent_b).sum(axis=1) > self._config.parents_apart

@@ -17,15 +17,17 @@ class PlacesConfig:
     """From the diagram to a sparse graph of places (uhumans2).
 
     compression: side of the cells that become one place [m]; min_node, min_edge: least clearance
-    [m]; merge: places this close become one [m]; by_clearance: of two with equal numbers of basis
-    points the wider stands for a place (else the narrower, as Hydra's discovery order has it);
-    least: smaller groups of connected places are dropped.
+    [m]; merge: places this close become one [m], the wider of them, or with ``merge_by_basis`` the
+    one with more basis points; by_clearance: of two voxels with equal numbers of basis points the
+    wider stands for a place (else the narrower, as Hydra's discovery order has it); least: smaller
+    groups of connected places are dropped.
     """
 
     compression: float = 1.5
     min_node: float = 0.4
     min_edge: float = 0.25
     merge: float = 0.7
+    merge_by_basis: bool = False
     by_clearance: bool = False
     least: int = 3
 
@@ -135,7 +137,7 @@ class _Merging:
         self._positions, self._clearance = positions, clearance
         self._edges, self._widths = edges, widths
         self._target = np.arange(len(positions))
-        quality = clearance if config.by_clearance else basis
+        quality = basis if config.merge_by_basis else clearance
         length = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
         for a, b in edges[length <= config.merge]:
             better, worse = (a, b) if quality[a] >= quality[b] else (b, a)

@@ -36,6 +36,27 @@ class Space(Protocol):
         ...
 
 
+class Rhythm:
+    """When free space is read: every ``period`` seconds, and when a map is shown again without a
+    new keyframe: that is the last word on it."""
+
+    def __init__(self, period: float):
+        self._period = period
+        self._read_at = -np.inf
+        self._read: int | None = None
+        self._shown: int | None = None
+
+    def due(self, view: MapView) -> bool:
+        """Is it to be read on this view?"""
+        newest = view.keyframes[-1].id if view.keyframes else None
+        last_word = newest == self._shown != self._read
+        self._shown = newest
+        if not last_word and view.stamp - self._read_at < self._period:
+            return False
+        self._read_at, self._read = view.stamp, newest
+        return True
+
+
 class FreeSpace:
     """Integrates each keyframe's scan once, where the keyframe is estimated to be."""
 

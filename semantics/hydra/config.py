@@ -15,7 +15,8 @@ class RoomsConfig:
 
     version 2 (IJRR 2024): exact edge filtration, plateau rule, widest-path growing; version 1 (RSS
     2022): ``steps`` dilations between, median count, modularity. min_dilation, max_dilation [m];
-    min_component, min_room: places; plateau_ratio: of the longest lifetime; sweeps, gamma: of the
+    min_component, min_room: places; plateau_ratio: of the longest lifetime; repeated: the count
+    that most edges in a row have instead (the rule of the struct's defaults); sweeps, gamma: of the
     modularity.
     """
 
@@ -25,6 +26,7 @@ class RoomsConfig:
     min_component: int = 10
     min_room: int = 10
     plateau_ratio: float = 0.15
+    repeated: bool = False
     steps: int = 10
     sweeps: int = 5
     gamma: float = 1.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from semantics.freespace.gvd import Ints
 from semantics.freespace.places import Places
-from semantics.freespace.space import FreeSpace, Space
+from semantics.freespace.space import FreeSpace, Rhythm, Space
 from semantics.hydra.clustering import assign
 from semantics.hydra.config import PUBLISHED_V2, HydraConfig, RoomsConfig
 from semantics.hydra.filtration import cores, dilation
@@ -25,17 +25,14 @@ class HydraDetector:
         self._config = config
         self._space: Space = FreeSpace(config.space) if space is None else space
         self._ids = RegionIds()
-        self._found_at = self._asked_at = -np.inf
+        self._rhythm = Rhythm(config.period)
         self._found = Proposals()
 
     def update(self, view: MapView) -> Proposals:
-        """The rooms as found within the last ``period``; asked twice at one instant: as of now."""
+        """The rooms as found within the last ``period``; those of the last word as of now."""
         self._space.add(view)
-        due = view.stamp - self._found_at >= self._config.period
-        if due or view.stamp == self._asked_at:
+        if self._rhythm.due(view):
             self._found = Proposals(rooms=self._rooms())
-            self._found_at = view.stamp
-        self._asked_at = view.stamp
         return self._found
 
     def _rooms(self) -> tuple[RoomProposal, ...]:

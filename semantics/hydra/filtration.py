@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -78,6 +79,19 @@ def plateau(records: Sequence[Record], ratio: float) -> Record | None:
     return best
 
 
+def repeated(records: Sequence[Record]) -> Record | None:
+    """The positive count that most records in a row have, the earliest of such, and the least width
+    at which it holds."""
+    best: tuple[int, Record] | None = None
+    place = 0
+    for count, run in groupby(records, key=lambda record: record[1]):
+        length = len(list(run))
+        if count > 0 and (best is None or length > best[0]):
+            best = length, records[place]
+        place += length
+    return None if best is None else best[1]
+
+
 def _runs(records: Sequence[Record]) -> list[tuple[float, float, int]]:
     """(first width, last width, count) of each run of equal counts."""
     runs: list[tuple[float, float, int]] = []
@@ -94,8 +108,8 @@ def dilation(places: Places, config: RoomsConfig) -> float | None:
     if config.version == 1:
         return _median_dilation(places, config)
     records = filtration(len(places), places.edges, places.widths, config.min_component)
-    inside = window(records, config.min_dilation, config.max_dilation)
-    chosen = plateau(records[inside], config.plateau_ratio)
+    inside = records[window(records, config.min_dilation, config.max_dilation)]
+    chosen = repeated(inside) if config.repeated else plateau(inside, config.plateau_ratio)
     return None if chosen is None else chosen[0]
 
 

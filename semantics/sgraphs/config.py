@@ -27,11 +27,17 @@ class SgraphsConfig:
     period: clusters are found anew every so many seconds [s]; clearance: narrower vertices are
     doorways; vertices, hull [m2], extent: what a cluster needs at least; near: a vertex this close
     to a plane votes for it; votes: that a plane needs; width: of a room, between two planes;
-    aligned: share of a plane's points that must lie on the room's side of each plane across
-    (published: 500 points of a dense cloud); centre: farthest that a room's centre may be from a
-    vertex; same_room: centres of one room are nearer than this; same_plane: how much two planes
-    that are the same may differ (rad and m together); overlap: distance between the points of
-    overlapping planes; window: planes seen within so many seconds take part [s].
+    aligned: more of a plane's points than this must lie on the room's side of each plane across;
+    halves: a cluster with four planes that fails as a room may be a corridor of two (published: it
+    is nothing); centre: farthest that a room's centre may be from a vertex; same_room: centres of
+    one room are nearer than this; same_plane: how much two planes of one room that are the same may
+    differ (rad and m together); overlap: two planes of one corridor are the same where more than
+    ``overlapping`` points of one are this near to the other; window: planes seen within so many
+    seconds take part [s].
+
+    Published are 500 points for ``aligned`` and 100 for ``overlapping``, of a cloud that gathers a
+    grid of 0.1 m anew from each keyframe, 2 m apart. Here a plane has one point for each cell of
+    0.1 m, however often it was seen: 200 and 40 are what two or three keyframes make of them.
 
     faults: True puts the published faults back: axes of the map instead of the building, votes from
     behind a plane, the centre and the width that depend on the map's origin, the missing alignment
@@ -47,11 +53,13 @@ class SgraphsConfig:
     near: float = 1.0
     votes: int = 2
     width: float = 1.0
-    aligned: float = 0.2
+    aligned: int = 200
+    halves: bool = False
     centre: float = 0.5
     same_room: float = 1.0
     same_plane: float = 0.5
     overlap: float = 1.0
+    overlapping: int = 40
     window: float = 1.5
     faults: bool = False
 

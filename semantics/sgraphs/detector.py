@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semantics.freespace.space import FreeSpace, Space
+from semantics.freespace.space import FreeSpace, Rhythm, Space
 from semantics.sgraphs.clusters import clusters_of
 from semantics.sgraphs.config import PUBLISHED, SgraphsConfig
 from semantics.sgraphs.matching import axes_of, match, side_of
@@ -22,16 +22,13 @@ class SgraphsDetector:
         self._clusters: list[Array] = []
         self._rooms = KnownRooms(config)
         self._axes = np.eye(2)
-        self._found_at = self._asked_at = -np.inf
+        self._rhythm = Rhythm(config.period)
 
     def update(self, view: MapView) -> Proposals:
-        """All rooms so far; free space is read every ``period``, or when asked twice at once."""
+        """All rooms so far; free space is read every ``period``, and for the last word."""
         self._space.add(view)
-        due = view.stamp - self._found_at >= self._config.period
-        if due or view.stamp == self._asked_at:
+        if self._rhythm.due(view):
             self._clusters = clusters_of(self._space.places(), self._config)
-            self._found_at = view.stamp
-        self._asked_at = view.stamp
         if not self._config.faults:
             self._axes = axes_of(view.planes, self._axes)
         planes = {plane.id: plane for plane in view.planes if not plane.horizontal}

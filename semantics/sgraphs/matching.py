@@ -111,7 +111,8 @@ def match(
     )
     tree = cKDTree(vertices)
     is_room = x and y and _crossing(x, y) and _aligned(x, y, config)
-    for pairs in ([(x, y)] if is_room else []) + [(x, None), (None, y)]:
+    is_half = config.halves or not (x and y)
+    for pairs in ([(x, y)] if is_room else []) + ([(x, None), (None, y)] if is_half else []):
         if any(pairs):
             centre = centre_of(*pairs, vertices, config)
             if tree.query(centre)[0] <= config.centre:
@@ -159,11 +160,16 @@ def _pair(low: Side | None, high: Side | None, origin: Array, config: SgraphsCon
     """Two sides that face each other, wide enough apart."""
     if low is None or high is None or low.at > high.at:
         return None
+    pair = low, high
+    return pair if width_of(pair, origin, config) >= config.width else None
+
+
+def width_of(pair: Pair, origin: Array, config: SgraphsConfig) -> float:
+    """How far apart two sides are [m], at a point (2,) between them."""
+    low, high = pair
     if config.faults:
-        width = abs(float((high.foot(np.zeros(2)) - low.foot(np.zeros(2))).sum()))
-    else:
-        width = float((high.foot(origin) - low.foot(origin)) @ _direction(low, high))
-    return (low, high) if width >= config.width else None
+        return abs(float((high.foot(np.zeros(2)) - low.foot(np.zeros(2))).sum()))
+    return float((high.foot(origin) - low.foot(origin)) @ _direction(low, high))
 
 
 def _crossing(x: Pair, y: Pair) -> bool:
@@ -179,18 +185,18 @@ def _direction(low: Side, high: Side) -> Array:
 
 def _aligned(x: Pair, y: Pair, config: SgraphsConfig) -> bool:
     """Does each plane have enough points on the inner side of the planes across?"""
-    tests = [
-        share
+    counts = [
+        count
         for side in y
-        for share in (
-            (side.points[:, 0] > x[0].points[:, 0].min()).mean(),
-            (side.points[:, 0] < x[1].points[:, 0].max()).mean(),
+        for count in (
+            (side.points[:, 0] > x[0].points[:, 0].min()).sum(),
+            (side.points[:, 0] < x[1].points[:, 0].max()).sum(),
         )
     ]
-    tests += [(side.points[:, 1] < y[1].points[:, 1].max()).mean() for side in x]
+    counts += [(side.points[:, 1] < y[1].points[:, 1].max()).sum() for side in x]
     if not config.faults:
-        tests += [(side.points[:, 1] > y[0].points[:, 1].min()).mean() for side in x]
-    return bool(min(tests) > config.aligned)
+        counts += [(side.points[:, 1] > y[0].points[:, 1].min()).sum() for side in x]
+    return bool(min(counts) > config.aligned)
 
 
 def _middle(pair: Pair, origin: Array) -> Array:

@@ -92,14 +92,16 @@ class KnownRooms:
     def _is_same_plane(self, known: Side, side: Side, kind: str) -> bool:
         if known.plane.id == side.plane.id:
             return True
+        if kind != "room":
+            facing = float(known.normal @ side.normal) > 0.0
+            return facing and self._overlap(known, side)
         cross = known.normal[0] * side.normal[1] - known.normal[1] * side.normal[0]
         turn = np.arctan2(cross, known.normal @ side.normal)
-        if np.hypot(turn, known.d - side.d) >= self._config.same_plane:
-            return False
-        if kind == "room":
-            return True
-        distance, _ = known.tree.query(side.points)
-        return bool(distance.min() <= self._config.overlap)
+        return bool(np.hypot(turn, known.d - side.d) < self._config.same_plane)
+
+    def _overlap(self, known: Side, side: Side) -> bool:
+        distance, _ = known.tree.query(side.points, distance_upper_bound=self._config.overlap)
+        return bool(np.isfinite(distance).sum() > self._config.overlapping)
 
     def _add(self, match: Match, id_: int | None) -> None:
         if id_ is None:

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from semantics.freespace.gvd import GvdConfig, gvd_of
-from semantics.freespace.places import PlacesConfig, components, places_of
-from semantics.freespace.space import FreeSpace
+from semantics.freespace.places import PlacesConfig, _Merging, components, places_of
+from semantics.freespace.space import FreeSpace, Rhythm
 from semantics.freespace.tsdf import Tsdf, TsdfConfig, Volume
 from slam.core import Keyframe, KeyframeScan, MapView
 
@@ -141,3 +141,35 @@ def test_what_was_not_observed_around_it_changes_nothing() -> None:
     assert_allclose(a.widths, b.widths)
     nothing = Volume(whole.distance, np.zeros_like(whole.observed), whole.low, whole.voxel)
     assert nothing.observed_part() is nothing
+
+
+def keyframe(id: int) -> Keyframe:
+    scan = KeyframeScan((), np.zeros((0, 3), np.float32), np.zeros(3))
+    return Keyframe(id, id, float(id), np.eye(4), scan)
+
+
+def test_free_space_is_read_by_the_clock_and_for_the_last_word() -> None:
+    rhythm, seen = Rhythm(10.0), [keyframe(0)]
+    assert rhythm.due(MapView(0.0, (), seen))
+    seen = [*seen, keyframe(1)]
+    assert not rhythm.due(MapView(4.0, (), seen))
+    assert rhythm.due(MapView(4.3, (), seen))  # no keyframe has come: this is the last word
+    assert not rhythm.due(MapView(4.4, (), seen))  # nothing new to read
+    seen = [*seen, keyframe(2)]
+    assert not rhythm.due(MapView(14.2, (), seen))
+    assert rhythm.due(MapView(14.3, (), seen))
+
+
+@pytest.mark.parametrize(("by_basis", "kept"), [(False, 1.0), (True, 0.5)])
+def test_of_two_near_places_one_stays(by_basis: bool, kept: float) -> None:
+    positions = np.array([[0.0, 0, 0], [0.3, 0, 0], [3.0, 0, 0]])
+    config = PlacesConfig(merge_by_basis=by_basis)
+    merging = _Merging(
+        positions,
+        np.array([1.0, 0.5, 0.8]),
+        np.array([2, 3, 2]),
+        np.array([[0, 1], [1, 2]]),
+        np.array([0.5, 0.5]),
+        config,
+    )
+    assert sorted(merging.places().clearance.tolist()) == sorted([kept, 0.8])

@@ -15,6 +15,7 @@ from semantics.hydra.filtration import (
     dilation,
     filtration,
     plateau,
+    repeated,
     window,
 )
 from semantics.hydra.regions import RegionIds, centre, region
@@ -41,6 +42,13 @@ def test_plateau(ratio: float, expected: tuple[float, int]) -> None:
     found = plateau(records([1, 1, 1, 1, 2, 2, 3, 2], 0.1), ratio)
     assert found is not None
     assert_allclose(found, expected)
+
+
+def test_the_count_that_most_edges_in_a_row_have() -> None:
+    counts = [1, 4, 2, 3, 2, 2, 5, 6, 6, 6, 9, 1, 1, 1, 2]
+    assert repeated(records(counts)) == (8.0, 6)
+    assert repeated(records([0, 0, 0, 2])) == (4.0, 2)
+    assert repeated(records([0, 0])) is None
 
 
 def test_plateau_of_nothing() -> None:
@@ -75,6 +83,12 @@ def two_rooms(narrow: float = 0.4) -> Places:
 def test_a_doorway_separates_two_rooms(version: int) -> None:
     rooms = rooms_of(two_rooms(), RoomsConfig(version=version, min_dilation=0.45))
     assert sorted(len(members) for members in rooms) in ([12, 12], [12, 13])
+
+
+@pytest.mark.parametrize(("repeated", "count"), [(False, 2), (True, 1)])
+def test_two_rooms_that_only_few_edges_tell_apart(repeated: bool, count: int) -> None:
+    config = RoomsConfig(min_dilation=0.45, repeated=repeated)
+    assert len(rooms_of(two_rooms(), config)) == count
 
 
 def test_an_opening_as_wide_as_the_room_does_not() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from houses import TWO_ROOMS_AND_A_CORRIDOR, Side, moved, plane
@@ -11,7 +13,7 @@ from shapely.geometry import Polygon, box
 from semantics.freespace.places import Places
 from semantics.sgraphs.clusters import clusters_of
 from semantics.sgraphs.config import SgraphsConfig
-from semantics.sgraphs.matching import Match, axes_of, centre_of, match, side_of
+from semantics.sgraphs.matching import Match, axes_of, centre_of, match, side_of, width_of
 from semantics.sgraphs.outlines import proposal
 from semantics.sgraphs.rooms import Known, KnownRooms
 from slam.core import Array, MapPlane
@@ -53,6 +55,9 @@ def test_published_centre_of_four_planes(config: SgraphsConfig) -> None:
     )
     centre = centre_of((x0, x1), (y0, y1), grid(-10, -6, 4, 4), config)
     assert_allclose(centre, [-3.0, -1.0], atol=1e-9)
+    # the fault: planes at 6 and 4 m look 2 m apart along y, as their normals are added
+    assert width_of((x0, x1), centre, config) == pytest.approx(14.0)
+    assert width_of((y0, y1), centre, config) == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("config", [CONFIG, FAULTS])
@@ -129,6 +134,29 @@ def test_a_corridor_along_x_is_recognised_again_without_the_fault(
     known.take(corridor)
     known.take(corridor)
     assert len(list(known)) == count
+
+
+def test_a_cluster_with_four_planes_that_fails_is_no_corridor_unless_asked() -> None:
+    planes = planes_of(facing(0, 4, 0, 5))
+    short = [*planes[:3], plane(3, ((5.2, 5), (3.2, 5)))]  # little of it before the room
+    sides = [side_of(p, LEVEL) for p in short]
+    cluster = grid(0, 0, 4, 5)
+    assert match(cluster, LEVEL, sides, CONFIG) is None
+    half = match(cluster, LEVEL, sides, replace(CONFIG, halves=True))
+    assert half is not None
+    assert half.kind == "x"
+
+
+def test_corridors_are_one_where_their_planes_overlap() -> None:
+    planes = planes_of(facing(0, 12, 0, 2.5)[2:])
+    known = KnownRooms(CONFIG)
+    known.take(room_match(planes, (0, 0, 12, 2.5)))
+    beside = [replace(p, id=p.id + 10, d=p.d + 0.6) for p in planes]
+    known.take(room_match(beside, (0, 0, 12, 2.5)))
+    assert len(list(known)) == 1
+    few = replace(planes[0], id=20, points=planes[0].points[:30])
+    known.take(room_match([few, planes[1]], (0, 0, 3, 2.5)))
+    assert len(list(known)) == 2
 
 
 def test_a_room_goes_with_a_plane_that_was_merged() -> None:
