@@ -29,31 +29,31 @@ Axes = tuple[tuple[str, tuple[Any, ...]], ...]
 """Parameters, as ``part.field``, and what each may be."""
 
 HYDRA_AXES: Axes = (
-    ("space.places.compression", (0.5, 0.75, 1.0, 1.5)),
-    ("space.places.merge", (0.1, 0.3, 0.5, 0.7)),
+    ("space.places.compression", (0.35, 0.5, 0.75, 1.0, 1.5)),
+    ("space.places.merge", (0.0, 0.1, 0.3, 0.5, 0.7)),
     ("space.places.merge_by_basis", (False, True)),
     ("space.places.min_edge", (0.2, 0.25, 0.4)),
     ("space.places.by_clearance", (False, True)),
     ("rooms.min_component", (1, 2, 3, 5, 7, 10)),
     ("rooms.min_room", (2, 3, 5, 7, 10)),
-    ("rooms.min_dilation", (0.35, 0.43, 0.5, 0.6)),
-    ("rooms.max_dilation", (0.8, 1.0, 1.2)),
-    ("rooms.plateau_ratio", (0.05, 0.1, 0.15, 0.25, 0.5)),
-    ("space.gvd.parents_cosine", (-0.2, 0.2, 0.5)),
+    ("rooms.min_dilation", (0.35, 0.43, 0.5, 0.6, 0.7)),
+    ("rooms.max_dilation", (0.7, 0.8, 1.0, 1.2, 1.4)),
+    ("rooms.plateau_ratio", (0.05, 0.1, 0.15, 0.25, 0.5, 0.7)),
+    ("space.gvd.parents_cosine", (-0.2, 0.2, 0.5, 0.7)),
     ("space.gvd.parents_apart", (8, 12, 20)),
     ("space.tsdf.coarser", (1, 2)),
     ("rooms.version", (1, 2)),
 )
 SGRAPHS_AXES: Axes = (
     ("window", (1.5, 5.0, 20.0, 60.0)),
-    ("clearance", (0.4, 0.5, 0.6, 0.7, 0.8, 1.0)),
+    ("clearance", (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)),
     ("aligned", (20, 50, 100, 200, 500)),
     ("halves", (False, True)),
     ("vertices", (5, 10, 20)),
     ("near", (0.7, 1.0, 1.5)),
     ("votes", (2, 5, 10)),
     ("centre", (0.5, 1.0, 1.5, 2.5)),
-    ("same_room", (1.0, 2.0)),
+    ("same_room", (1.0, 2.0, 3.0)),
 )
 
 Config = TypeVar("Config", HydraConfig, SgraphsConfig)
@@ -136,7 +136,7 @@ class Trial(Generic[Config]):
 
 
 def search(
-    start: Config, axes: Axes, worth: Callable[[Config], Tally], passes: int = 3
+    start: Config, axes: Axes, worth: Callable[[Config], Tally], passes: int = 10
 ) -> Iterator[Trial[Config]]:
     """Everything that improves, in turn, from the start on. A value that is only as good as the one
     before does not replace it."""
