@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from slam.core import Array
 
@@ -197,11 +198,9 @@ def _projected(
     measures there and their weights."""
     R = T_map_sensor[:3, :3].astype(np.float32)
     offset = [a - np.float32(c) for a, c in zip(axes, T_map_sensor[:3, 3], strict=True)]
+    columns, level = _columns(offset[0], offset[1], R, image, reach, config)
     x, y, z = (
-        offset[0][:, None, None] * R[0, i]
-        + offset[1][None, :, None] * R[1, i]
-        + offset[2][None, None, :] * R[2, i]
-        for i in range(3)
+        (level[0] * R[0, i] + level[1] * R[1, i])[:, None] + offset[2] * R[2, i] for i in range(3)
     )
     r2 = x * x + y * y + z * z
     half = np.float32(config.row / 2)
@@ -211,9 +210,9 @@ def _projected(
     inside &= (signed >= np.float32(low * abs(low)) * r2) & (
         signed <= np.float32(high * abs(high)) * r2
     )
-    place = np.flatnonzero(inside)
-    x, y, z = (c.ravel().take(place) for c in (x, y, z))
-    r = np.sqrt(r2.ravel().take(place))
+    row, above = np.nonzero(inside)
+    x, y, z = (c[row, above] for c in (x, y, z))
+    r = np.sqrt(r2[row, above])
     ranges = image.at(np.arctan2(y, x), np.arcsin(np.clip(z / r, -1, 1)), config)
     sdf = ranges - r
     truncation = np.float32(config.truncation)
@@ -223,4 +222,23 @@ def _projected(
     fading = (truncation + sdf) / np.float32(config.truncation - config.voxel)
     weight *= np.where(sdf < -config.voxel, fading, np.float32(1))
     weight = np.maximum(weight, np.float32(LEAST_WEIGHT))
-    return place.take(spoken), np.minimum(sdf, truncation), weight.astype(np.float32)
+    place = columns.take(row.take(spoken)) * len(axes[2]) + above.take(spoken)
+    return place, np.minimum(sdf, truncation), weight.astype(np.float32)
+
+
+def _columns(
+    x: Floats, y: Floats, R: Floats, image: RangeImage, reach: float, config: TsdfConfig
+) -> tuple[NDArray[np.intp], tuple[Floats, Floats]]:
+    """Columns of voxels (flat places in the grid of ``x`` and ``y``, offsets from the sensor in the
+    map's axes) that are not behind all returns of their azimuth, and where they are."""
+    across, along = (c.ravel() for c in np.broadcast_arrays(x[:, None], y[None, :]))
+    azimuth = np.arctan2(across * R[0, 1] + along * R[1, 1], across * R[0, 0] + along * R[1, 0])
+    tilt = np.hypot(R[2, 0], R[2, 1])
+    steepest = np.tan(min(max(abs(image.lowest), abs(image.highest)) + np.arcsin(tilt) + 0.15, 1.5))
+    bins = image.ranges.shape[1]
+    spread = int(np.ceil(np.arctan(steepest * tilt) / (2 * np.pi) * bins)) + 2
+    farthest = maximum_filter1d(image.ranges.max(axis=0), 2 * spread + 1, mode="wrap")
+    at = np.floor((azimuth / np.float32(2 * np.pi) % 1.0) * bins).astype(np.int32) % bins
+    limit = np.minimum(farthest.take(at) + np.float32(config.truncation), np.float32(reach))
+    kept = np.flatnonzero(across * across + along * along <= limit * limit)
+    return kept, (across.take(kept), along.take(kept))
