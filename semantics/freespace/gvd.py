@@ -117,8 +117,11 @@ class _Field:
             a, b = a[differ], b[differ]
             distinct = self._distinct(self.voxels[a], self.parents[a], self.parents[b])
             a, b = a[distinct], b[distinct]
-            to_other = ((self.voxels[a] - self.parents[b]) ** 2).sum(axis=1)
-            from_other = ((self.voxels[b] - self.parents[a]) ** 2).sum(axis=1)
+            to_other, from_other = (
+                self.voxels[a] - self.parents[b],
+                self.voxels[b] - self.parents[a],
+            )
+            to_other, from_other = _dot(to_other, to_other), _dot(from_other, from_other)
             member[a[to_other <= from_other]] = True
             member[b[from_other <= to_other]] = True
         return member
@@ -149,9 +152,10 @@ class _Field:
     def _distinct(self, at: Ints, parent_a: Ints, parent_b: Ints) -> NDArray[np.bool_]:
         """Are two parents far apart, or in clearly different directions as seen from voxels?"""
         away_a, away_b = parent_a - at, parent_b - at
-        lengths = np.linalg.norm(away_a, axis=1) * np.linalg.norm(away_b, axis=1)
-        cosine = (away_a * away_b).sum(axis=1) / np.maximum(lengths, 1e-9)
-        apart = np.abs(parent_a - parent_b).sum(axis=1) > self._config.parents_apart
+        lengths = np.sqrt((_dot(away_a, away_a) * _dot(away_b, away_b)).astype(float))
+        cosine = _dot(away_a, away_b) / np.maximum(lengths, 1e-9)
+        between = np.abs(parent_a - parent_b)
+        apart = between[:, 0] + between[:, 1] + between[:, 2] > self._config.parents_apart
         return apart | (cosine < self._config.parents_cosine)
 
     def pairs_among(self, chosen: Ints) -> Ints:
@@ -164,3 +168,8 @@ class _Field:
             mine = np.flatnonzero(other >= 0)
             pairs.append(np.column_stack([mine, other[mine]]))
         return np.concatenate(pairs)
+
+
+def _dot(a: Ints, b: Ints) -> Ints:
+    """(N,) of the rows of (N, 3)."""
+    return np.einsum("ij,ij->i", a, b)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,13 +102,14 @@ class Tsdf:
         first = -(-self._first // n) * n  # whole coarse voxels of the endless grid
         skip = first - self._first
         shape = np.maximum((np.array(self._weight.shape) - skip) // n, 0)
-        part = tuple(slice(s, s + c * n) for s, c in zip(skip, shape, strict=True))
-        blocks = tuple(v for c in shape for v in (c, n))
-        weight = self._weight[part].reshape(blocks)
-        moment = (self._distance[part] * self._weight[part]).reshape(blocks)
-        total = weight.sum(axis=(1, 3, 5))
+        total, moment = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        for corner in product(range(n), repeat=3):
+            starts = skip + corner
+            part = tuple(slice(s, s + c * n, n) for s, c in zip(starts, shape, strict=True))
+            total += self._weight[part]
+            moment += self._distance[part] * self._weight[part]
         observed = total / n**3 >= OBSERVED
-        distance = np.where(observed, moment.sum(axis=(1, 3, 5)) / np.where(observed, total, 1), 0)
+        distance = np.where(observed, moment / np.where(observed, total, 1), 0)
         low = np.asarray((first + (n - 1) / 2.0) * self._config.voxel)
         whole = Volume(distance.astype(np.float32), observed, low, n * self._config.voxel)
         return whole.observed_part()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from semantics.freespace.gvd import GvdConfig
 from semantics.freespace.places import PlacesConfig
 from semantics.freespace.space import SpaceConfig
 from semantics.freespace.tsdf import TsdfConfig
@@ -49,9 +50,10 @@ PUBLISHED_V1 = HydraConfig(
 TUNED = HydraConfig(
     space=SpaceConfig(
         tsdf=TsdfConfig(coarser=1),
-        places=PlacesConfig(compression=1.0, merge=0.3, by_clearance=True),
+        gvd=GvdConfig(parents_cosine=0.5),
+        places=PlacesConfig(compression=0.5, merge=0.1, by_clearance=True),
     ),
-    rooms=RoomsConfig(min_component=2, min_room=5),
+    rooms=RoomsConfig(min_component=5, min_dilation=0.6, max_dilation=0.8, plateau_ratio=0.5),
 )
 """Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): a room of
 3 x 4 m has fewer than the published 10 places."""
