@@ -16,10 +16,11 @@ def clusters_of(skeleton: Places, config: SgraphsConfig) -> list[Array]:
     inner = skeleton.edges[wide[skeleton.edges].all(axis=1)]
     group = components(len(skeleton), inner)
     group[~wide] = -1
-    for a, b in skeleton.edges.tolist():  # a doorway joins the cluster of its first neighbour
-        for door, other in ((a, b), (b, a)):
-            if not wide[door] and group[door] < 0 and wide[other]:
-                group[door] = group[other]
+    beside = skeleton.edges[wide[skeleton.edges].sum(axis=1) == 1]
+    for a, b in beside.tolist():  # a doorway joins the cluster of its first neighbour
+        door, other = (b, a) if wide[a] else (a, b)
+        if group[door] < 0:
+            group[door] = group[other]
     found = [skeleton.positions[group == label, :2] for label in np.unique(group[wide])]
     return [vertices for vertices in found if _is_large(vertices, config)]
 
