@@ -32,7 +32,7 @@ STAGE_TIMES = ("median_ms", "p95_ms")
 
 CAUSES = {
     "unseen": "the sensor has seen too few of its walls",
-    "planes": "the map does not hold its walls, or not apart from others, or it is made of no walls",
+    "planes": "the map does not hold its walls, or not apart; or it is made of no walls",
     "edges": "its walls are mapped; the detector did not join them, or joined them with others'",
     "clustering": "its walls are mapped; the detector made something else of them",
 }
