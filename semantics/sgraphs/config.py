@@ -65,7 +65,7 @@ class SgraphsConfig:
 
 
 PUBLISHED = SgraphsConfig()
-TUNED = SgraphsConfig(window=20.0, clearance=0.6, votes=5, aligned=0.05, centre=1.5)
+TUNED = SgraphsConfig(window=20.0, clearance=0.6, votes=5, aligned=50, centre=1.5, same_room=3.0)
 """Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): a room
 narrower than twice the published clearance, 1.6 m, is a doorway, and the walls of a room are not
 all seen within 1.5 s."""
