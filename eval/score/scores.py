@@ -182,12 +182,12 @@ def _score_concepts(record: RunRecord, planes: PlaneScore, T_world_map: Array | 
 
 
 def _uses_planes(record: RunRecord, votes: Sequence[RoomVote]) -> bool:
-    """Is the detector known to make rooms of planes: does it link them, or did any room that it
-    ever proposed have pieces? One that never proposed any is not known to."""
-    instants = (instant.rooms for instant in record.keeper.instants)
-    return record.links is not None or any(
-        vote.faces for rooms in (votes, *instants) for vote in rooms
-    )
+    """Is the detector known to make rooms of planes: do its last rooms have pieces? Of one without
+    any: does it link planes, or had an earlier room pieces?"""
+    if votes:
+        return any(vote.faces for vote in votes)
+    earlier = (vote for instant in record.keeper.instants for vote in instant.rooms)
+    return record.links is not None or any(vote.faces for vote in earlier)
 
 
 def graph_truth(scores: Scores, truth: Truth, record: RunRecord) -> dict[tuple[str, int], str]:

@@ -102,9 +102,10 @@ class _KnownSpace:
         self._known, self._space = known, FreeSpace(config)
         self._view: MapView | None = None
 
-    def add(self, view: MapView) -> None:
+    def add(self, view: MapView) -> bool:
         """Remembers what to integrate if it comes to that."""
         self._view = view
+        return True
 
     def places(self) -> Places:
         """As of the last view."""

@@ -27,8 +27,9 @@ class SpaceConfig:
 class Space(Protocol):
     """Where a detector reads its places."""
 
-    def add(self, view: MapView) -> None:
-        """The map has a new keyframe."""
+    def add(self, view: MapView) -> bool:
+        """The map has a new keyframe, or has moved. Is there anything that ``places`` has not told
+        yet?"""
         ...
 
     def places(self) -> Places:
@@ -37,23 +38,22 @@ class Space(Protocol):
 
 
 class Rhythm:
-    """When free space is read: every ``period`` seconds, and when a map is shown again without a
-    new keyframe: that is the last word on it."""
+    """When free space is read: every ``period`` seconds, and when a map is shown again that has
+    no new keyframe, but more to tell: the last word on it, or on a storey that was left."""
 
     def __init__(self, period: float):
         self._period = period
         self._read_at = -np.inf
-        self._read: int | None = None
         self._shown: int | None = None
 
-    def due(self, view: MapView) -> bool:
-        """Is it to be read on this view?"""
+    def due(self, view: MapView, unread: bool) -> bool:
+        """Is it to be read on this view? unread: as ``Space.add`` says of it."""
         newest = view.keyframes[-1].id if view.keyframes else None
-        last_word = newest == self._shown != self._read
+        last_word = unread and newest == self._shown
         self._shown = newest
         if not last_word and view.stamp - self._read_at < self._period:
             return False
-        self._read_at, self._read = view.stamp, newest
+        self._read_at = view.stamp
         return True
 
 
@@ -64,9 +64,10 @@ class FreeSpace:
         self._config = config
         self._tsdf = Tsdf(config.tsdf)
         self._used: dict[int, Array] = {}
+        self._unread = False
 
-    def add(self, view: MapView) -> None:
-        """Integrates the keyframes that are new."""
+    def add(self, view: MapView) -> bool:
+        """Integrates the keyframes that are new, or all of them anew if some have moved."""
         if any(self._has_moved(keyframe.id, keyframe.T_map_base) for keyframe in view.keyframes):
             self._tsdf, self._used = Tsdf(self._config.tsdf), {}
         for keyframe in view.keyframes:
@@ -76,6 +77,8 @@ class FreeSpace:
                 points = np.asarray(keyframe.scan.points) - keyframe.scan.origin
                 self._tsdf.integrate(T_map_sensor, points)
                 self._used[keyframe.id] = keyframe.T_map_base[:3, 3].copy()
+                self._unread = True
+        return self._unread
 
     def _has_moved(self, keyframe: int, T_map_base: Array) -> bool:
         before = self._used.get(keyframe)
@@ -85,6 +88,7 @@ class FreeSpace:
 
     def places(self) -> Places:
         """The graph of places of all that was integrated."""
+        self._unread = False
         volume = self.volume()
         return places_of(gvd_of(volume, self._config.gvd), volume, self._config.places)
 

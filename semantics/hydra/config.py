@@ -55,7 +55,7 @@ TUNED = HydraConfig(
     ),
     rooms=RoomsConfig(min_component=5, min_dilation=0.6, max_dilation=0.8, plateau_ratio=0.5),
 )
-"""Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): a room of
-3 x 4 m has fewer than the published 10 places."""
+"""Best for a 16-beam sensor on generated buildings (``roomloop bench baselines``): of 1.5 m
+cells, a room of 3 x 4 m has fewer than the 10 places that it needs."""
 
 PRESETS = {"hydra": PUBLISHED_V2, "hydra-v1": PUBLISHED_V1, "hydra-tuned": TUNED}

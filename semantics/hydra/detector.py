@@ -30,8 +30,7 @@ class HydraDetector:
 
     def update(self, view: MapView) -> Proposals:
         """The rooms as found within the last ``period``; those of the last word as of now."""
-        self._space.add(view)
-        if self._rhythm.due(view):
+        if self._rhythm.due(view, self._space.add(view)):
             self._found = Proposals(rooms=self._rooms())
         return self._found
 

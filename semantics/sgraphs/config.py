@@ -40,8 +40,8 @@ class SgraphsConfig:
     0.1 m, however often it was seen: 200 and 40 are what two or three keyframes make of them.
 
     faults: True puts the published faults back: axes of the map instead of the building, votes from
-    behind a plane, the centre and the width that depend on the map's origin, the missing alignment
-    test of y1, and corridors along x that are never recognised again.
+    behind a plane, a centre that depends on the map's origin and a width on its axes, the missing
+    alignment test of y1, and corridors along x that are never recognised again.
     """
 
     space: SpaceConfig = SKELETON

@@ -26,8 +26,7 @@ class SgraphsDetector:
 
     def update(self, view: MapView) -> Proposals:
         """All rooms so far; free space is read every ``period``, and for the last word."""
-        self._space.add(view)
-        if self._rhythm.due(view):
+        if self._rhythm.due(view, self._space.add(view)):
             self._clusters = clusters_of(self._space.places(), self._config)
         if not self._config.faults:
             self._axes = axes_of(view.planes, self._axes)

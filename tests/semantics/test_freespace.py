@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from semantics.freespace.gvd import GvdConfig, gvd_of
-from semantics.freespace.places import PlacesConfig, _Merging, components, places_of
+from semantics.freespace.places import Places, PlacesConfig, _Merging, components, places_of
 from semantics.freespace.space import FreeSpace, Rhythm
 from semantics.freespace.tsdf import Tsdf, TsdfConfig, Volume
-from slam.core import Keyframe, KeyframeScan, MapView
+from semantics.hydra.detector import HydraDetector
+from semantics.storeys import by_storey
+from slam.core import Keyframe, KeyframeScan, MapPlane, MapView, so3_exp
 
 
 def box_scan(size: tuple[float, float], at: tuple[float, float]) -> np.ndarray:
@@ -143,6 +147,16 @@ def test_what_was_not_observed_around_it_changes_nothing() -> None:
     assert nothing.observed_part() is nothing
 
 
+def every_column(x, y, *_):
+    across, along = (c.ravel() for c in np.broadcast_arrays(x[:, None], y[None, :]))
+    return np.arange(len(across)), (across, along)
+
+
+def walls() -> KeyframeScan:
+    points = box_scan((4.0, 3.0), (2.0, 1.5)).astype(np.float32)
+    return KeyframeScan((), points, np.zeros(3))
+
+
 def keyframe(id: int) -> Keyframe:
     scan = KeyframeScan((), np.zeros((0, 3), np.float32), np.zeros(3))
     return Keyframe(id, id, float(id), np.eye(4), scan)
@@ -150,14 +164,53 @@ def keyframe(id: int) -> Keyframe:
 
 def test_free_space_is_read_by_the_clock_and_for_the_last_word() -> None:
     rhythm, seen = Rhythm(10.0), [keyframe(0)]
-    assert rhythm.due(MapView(0.0, (), seen))
+    assert rhythm.due(MapView(0.0, (), seen), True)
     seen = [*seen, keyframe(1)]
-    assert not rhythm.due(MapView(4.0, (), seen))
-    assert rhythm.due(MapView(4.3, (), seen))  # no keyframe has come: this is the last word
-    assert not rhythm.due(MapView(4.4, (), seen))  # nothing new to read
+    assert not rhythm.due(MapView(4.0, (), seen), True)
+    assert rhythm.due(MapView(4.3, (), seen), True)  # no keyframe has come: this is the last word
+    assert not rhythm.due(MapView(4.4, (), seen), False)  # nothing new to read
+    assert rhythm.due(MapView(4.5, (), seen), True)  # the map has moved
     seen = [*seen, keyframe(2)]
-    assert not rhythm.due(MapView(14.2, (), seen))
-    assert rhythm.due(MapView(14.3, (), seen))
+    assert not rhythm.due(MapView(14.4, (), seen), True)
+    assert rhythm.due(MapView(14.5, (), seen), True)
+
+
+def test_the_last_word_on_every_storey_is_on_the_map_as_it_is_then() -> None:
+    class Seeing(FreeSpace):
+        """Tells where the keyframes were when it was read."""
+
+        def places(self) -> Places:
+            super().places()
+            read.append([float(at[0]) for at in self._used.values()])
+            return Places(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2), np.int64), np.zeros(0))
+
+    read: list[list[float]] = []
+    detector = by_storey(lambda: HydraDetector(space=Seeing()))
+    drive = [replace(keyframe(k), storey=k // 2, scan=walls()) for k in range(4)]
+    none = np.zeros(0, np.int64)
+    upstairs = MapPlane(0, np.array([1.0, 0, 0]), 0.0, np.zeros((0, 3)), none, none, storey=1)
+    for count in range(1, 5):
+        detector.update(MapView(3.0 * count, (upstairs,), drive[:count]))
+    read.clear()
+    moved = [replace(k, T_map_base=pose(1.0, 0.0)) for k in drive]
+    detector.update(MapView(12.3, (upstairs,), moved))
+    assert read == [[1.0, 1.0], [1.0, 1.0]]
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.1, 0.3])
+def test_columns_behind_all_returns_would_have_added_nothing(
+    tilt: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan = box_scan((9.0, 4.0), (2.0, 1.0))
+    scan = scan[np.hypot(scan[:, 0], scan[:, 1]) > 1.2]  # a sector without returns
+    turned = pose(0.0, 0.0, 0.7)
+    turned[:3, :3] = turned[:3, :3] @ so3_exp(np.array([tilt, -0.5 * tilt, 0.0]))
+    culled, whole = Tsdf(), Tsdf()
+    culled.integrate(turned, scan)
+    monkeypatch.setattr("semantics.freespace.tsdf._columns", every_column)
+    whole.integrate(turned, scan)
+    assert_array_equal(culled._weight, whole._weight)
+    assert_array_equal(culled._distance, whole._distance)
 
 
 @pytest.mark.parametrize(("by_basis", "kept"), [(False, 1.0), (True, 0.5)])

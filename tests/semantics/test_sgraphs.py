@@ -55,9 +55,17 @@ def test_published_centre_of_four_planes(config: SgraphsConfig) -> None:
     )
     centre = centre_of((x0, x1), (y0, y1), grid(-10, -6, 4, 4), config)
     assert_allclose(centre, [-3.0, -1.0], atol=1e-9)
-    # the fault: planes at 6 and 4 m look 2 m apart along y, as their normals are added
     assert width_of((x0, x1), centre, config) == pytest.approx(14.0)
     assert width_of((y0, y1), centre, config) == pytest.approx(10.0)
+
+
+def test_the_published_width_depends_on_the_axes_of_the_map() -> None:
+    for turn, faulty in ((np.pi / 4, 4 * np.sqrt(2)), (-np.pi / 4, 0.0)):
+        planes = planes_of(moved(facing(0, 4, 0, 5)[:2], turn, (8.0, 3.0)))
+        pair = side_of(planes[0], LEVEL), side_of(planes[1], LEVEL)
+        between = np.vstack([side.points for side in pair]).mean(axis=0)
+        assert width_of(pair, between, CONFIG) == pytest.approx(4.0)
+        assert width_of(pair, between, FAULTS) == pytest.approx(faulty, abs=1e-6)
 
 
 @pytest.mark.parametrize("config", [CONFIG, FAULTS])
