@@ -354,7 +354,8 @@ class Detector(Protocol):
     """Finds rooms and walls in the map. A new instance per run; it may keep state."""
 
     def update(self, view: MapView) -> Proposals:
-        """All rooms and walls in the view, called after each keyframe."""
+        """All rooms and walls in the view; asked after each keyframe that the map keeps, and once
+        more of the final map, which has no new one."""
         ...
 
 
