@@ -3,8 +3,8 @@
 A room needs three faces (all, if it has fewer). *unseen*: the sensor has not seen so many.
 *planes*: the map does not hold as many on planes that are not mixed, or holds less than half of
 what was seen of the room's faces. *edges*: rooms made of whatever the detector's edges join, and of
-nothing else, would not have this one. *clustering*: they would; so the fault is in what was made of
-the edges, the outline and its centre included.
+nothing else, would not have this one, or would have two rooms as one. *clustering*: they would have
+it; so the fault is in what was made of the edges, the outline and its centre included.
 
 A false detection is *planes* before all else if half of its pieces or more lie on no room's face:
 on furniture, on pillars, on planes of mixed points. Otherwise it is about the room of most of its
@@ -81,8 +81,9 @@ class Failures:
 @dataclass(frozen=True)
 class Linked:
     """Rooms made of what the detector's edges join, directly or over others. rooms: room -> the
-    part that would be a true detection of it, wherever its centre; parts: proposal id -> the part
-    of each of its pieces, in their order, -1 for one that the edges do not know."""
+    part that would be a true detection of it, wherever its centre, and has no other room; parts:
+    proposal id -> the part of each of its pieces, in their order, -1 for one that the edges do not
+    know."""
 
     rooms: Mapping[int, int]
     parts: Mapping[int, Sequence[int]]
@@ -139,9 +140,8 @@ def linked_rooms(
     )
     votes, _ = voter.vote(planes, Proposals(rooms))
     by_coverage = sorted(votes, key=lambda vote: (vote.coverage, -vote.id))
-    true = {
-        v.owner: v.id for v in by_coverage if v.owner is not None and v.coverage >= MIN_COVERAGE
-    }
+    alone = [vote for vote in by_coverage if vote.coverage >= MIN_COVERAGE and vote.held <= 1]
+    true = {vote.owner: vote.id for vote in alone if vote.owner is not None}
     return Linked(true, _parts_of(proposals, links, labels))
 
 
