@@ -381,7 +381,8 @@ class Odometry(Protocol):
     """Turns scans into poses. A new instance per run."""
 
     def register(self, scan: Scan) -> Array:
-        """T_odom_base (4, 4) at the scan's end. Raises RunError when it has lost track."""
+        """T_odom_base (4, 4) at the scan's end. Raises RunError when it cannot go on; whether a
+        motion can be one of the base is judged by who uses it, once planes have had their say."""
         ...
 
 

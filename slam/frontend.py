@@ -20,7 +20,7 @@ from slam.core import (
     so3_log,
 )
 from slam.extraction import ExtractionConfig, extract
-from slam.odometry import MotionLimits, Stamped, check_motion
+from slam.odometry import MotionLimits, Stamped, check_finite, check_motion
 from slam.tracking import PlaneTracker, TrackingConfig
 
 
@@ -30,7 +30,7 @@ class FrontEndConfig:
 
     distance [m] and angle [rad] since the last keyframe; every: of each beam one in so many returns
     is kept beside the planes (the detectors that read free space need no more); limits: of the
-    motion.
+    tracked motion.
     """
 
     distance: float = 0.4
@@ -53,12 +53,14 @@ class FrontEnd:
         self.seconds: dict[str, float] = {}
 
     def process(self, scan: Scan) -> Frame:
-        """Raises RunError when the odometry has lost track, InputError for a malformed scan."""
+        """Raises RunError when neither the odometry nor the planes hold the track, InputError for a
+        malformed scan."""
         _check(scan)
         started = time.perf_counter()
         T_odom_base = self._odometry.register(scan)
+        check_finite((scan.stamp, T_odom_base))
         T_track_base = self._tracker.track(scan, T_odom_base)
-        # Whatever the odometry checks itself: a jump that no plane has caught is not absorbed.
+        # The odometry may jump, and does among few and low returns; what planes catch ends nothing.
         check_motion(self._last, (scan.stamp, T_track_base), self._config.limits)
         self._last = (scan.stamp, T_track_base)
         self.seconds = {"odometry": time.perf_counter() - started}

@@ -27,7 +27,7 @@ from slam.core import (
     thread_limit,
     transform_points,
 )
-from slam.odometry import LIMITS, MotionLimits, Stamped, check_motion
+from slam.odometry import check_finite
 
 CLEARED = 2.0
 """Way after which what is too far for a match is taken out of the map [m]: each time the library
@@ -68,33 +68,14 @@ class KissConfig:
     threads: int = field(default_factory=lambda: thread_limit(2))
 
 
-class _LidarOdometry:
-    """From the poses of a lidar to those of the base that carries it."""
-
-    def __init__(self, limits: MotionLimits) -> None:
-        self._limits = limits
-        self._last: Stamped | None = None
-
-    def _reported(self, scan: Scan, T_odom_lidar: Array) -> Array:
-        """T_odom_base at the sweep's end; odom is the base at the first sweep's end. Raises
-        RunError when it has lost track."""
-        T_odom_base = orthonormal(scan.T_base_lidar @ T_odom_lidar @ inverse(scan.T_base_lidar))
-        # KISS-ICP differs in its last digits from run to run; nothing after it needs to.
-        T_odom_base = np.round(T_odom_base, 9)
-        check_motion(self._last, (scan.stamp, T_odom_base), self._limits)
-        self._last = (scan.stamp, T_odom_base)
-        return T_odom_base
-
-
-class PublishedKissOdometry(_LidarOdometry):
+class PublishedKissOdometry:
     """KISS-ICP as its library composes it, with all of its defaults for sensors of that range [m]
     (the voxel is a hundredth of it): to compare with."""
 
-    def __init__(self, max_range: float = 30.0, limits: MotionLimits = LIMITS):
+    def __init__(self, max_range: float = 30.0):
         from kiss_icp.config import KISSConfig
         from kiss_icp.kiss_icp import KissICP
 
-        super().__init__(limits)
         config = KISSConfig()
         config.data.max_range = max_range
         config.mapping.voxel_size = 0.01 * max_range
@@ -104,22 +85,21 @@ class PublishedKissOdometry(_LidarOdometry):
     def register(self, scan: Scan) -> Array:
         """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end.
 
-        Raises RunError when it has lost track.
+        Raises RunError for a pose that is not finite.
         """
         self._kiss.register_frame(np.array(scan.points, dtype=np.float64), _stamps(scan.times))
-        return self._reported(scan, self._kiss.last_pose)
+        return _of_base(scan, self._kiss.last_pose)
 
 
-class KissOdometry(_LidarOdometry):
+class KissOdometry:
     """KISS-ICP. Its own pose is the sensor's at the END of the sweep."""
 
-    def __init__(self, config: KissConfig = KissConfig(), limits: MotionLimits = LIMITS):
+    def __init__(self, config: KissConfig = KissConfig()):
         from kiss_icp.mapping import VoxelHashMap
         from kiss_icp.preprocess import Preprocessor
         from kiss_icp.registration import Registration
         from kiss_icp.voxelization import voxel_down_sample
 
-        super().__init__(limits)
         self._config = config
         self._preprocessor = Preprocessor(config.max_range, config.min_range, True, config.threads)
         self._registration = Registration(500, config.convergence, config.threads)
@@ -133,11 +113,11 @@ class KissOdometry(_LidarOdometry):
     def register(self, scan: Scan) -> Array:
         """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end.
 
-        Raises RunError when it has lost track, InputError if it is to predict by wheels and the
-        scan has no wheel odometry.
+        Raises RunError for a pose that is not finite, InputError if it is to predict by wheels and
+        the scan has no wheel odometry.
         """
         self._advance(scan, self._predicted(scan))
-        return self._reported(scan, self._pose)
+        return _of_base(scan, self._pose)
 
     def _predicted(self, scan: Scan) -> Array:
         """How the lidar is thought to have moved since the last sweep's end, in its frame then."""
@@ -159,7 +139,7 @@ class KissOdometry(_LidarOdometry):
         stamps = _stamps(scan.times[::every])
         cloud, pose = self._matched(points, stamps, step, self._pose @ step)
         moved = np.linalg.inv(self._pose) @ pose
-        if self._last is not None and self._is_off(step, moved):
+        if self._is_off(step, moved):
             cloud, pose = self._matched(points, stamps, moved, pose)
         self._map.add_points(transform_points(pose, cloud))
         if np.linalg.norm(pose[:3, 3] - self._cleared[:3, 3]) > CLEARED:
@@ -195,6 +175,14 @@ class KissOdometry(_LidarOdometry):
         angle = float(np.linalg.norm(so3_log(off[:3, :3])))
         distance = float(np.linalg.norm(off[:3, 3]))
         return angle > self._config.again_angle or distance > self._config.again_distance
+
+
+def _of_base(scan: Scan, T_odom_lidar: Array) -> Array:
+    """T_odom_base at the sweep's end; odom is the base at the first sweep's end."""
+    check_finite((scan.stamp, T_odom_lidar))
+    T_odom_base = orthonormal(scan.T_base_lidar @ T_odom_lidar @ inverse(scan.T_base_lidar))
+    # KISS-ICP differs in its last digits from run to run; nothing after it needs to.
+    return np.round(T_odom_base, 9)
 
 
 def _in_plane(step: Array, T_base_lidar: Array) -> Array:

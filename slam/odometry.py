@@ -15,7 +15,7 @@ Stamped = tuple[float, Array]
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What no indoor base does between two sweeps; beyond it the odometry has lost track.
+    """What no indoor base does between two sweeps; beyond it track is lost.
 
     speed [m/s] and turning rate [rad/s]: several times those of any base that drives in rooms.
     """
@@ -24,13 +24,15 @@ class MotionLimits:
     turning_rate: float = 6.0
 
 
-LIMITS = MotionLimits()
+def check_finite(now: Stamped) -> None:
+    """Raise RunError for a pose that is none."""
+    if not np.isfinite(now[1]).all():
+        raise RunError(f"the odometry diverged at t = {now[0]:.1f} s: the pose is not finite")
 
 
 def check_motion(last: Stamped | None, now: Stamped, limits: MotionLimits) -> None:
     """Raise RunError when the motion between two (stamp, pose) is none that a base can make."""
-    if not np.isfinite(now[1]).all():
-        raise RunError(f"the odometry diverged at t = {now[0]:.1f} s: the pose is not finite")
+    check_finite(now)
     if last is None:
         return
     seconds = max(now[0] - last[0], 1e-3)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.core import Array, Scan, inverse, orthonormal
-from slam.odometry import LIMITS, MotionLimits, Stamped, check_motion, deskew
+from slam.odometry import Stamped, check_finite, deskew
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,21 @@ class VgicpOdometry:
     they do not hold on to rings that travel with the sensor.
     """
 
-    def __init__(self, config: VgicpConfig = VgicpConfig(), limits: MotionLimits = LIMITS):
+    def __init__(self, config: VgicpConfig = VgicpConfig()):
         import small_gicp
 
         self._gicp = small_gicp
         self._config = config
-        self._limits = limits
         self._map = small_gicp.GaussianVoxelMap(config.voxel)
         self._map.set_lru(horizon=config.horizon, clear_cycle=10)
         self._last: Stamped | None = None
         self._step = np.eye(4)
 
     def register(self, scan: Scan) -> Array:
-        """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end."""
+        """T_odom_base (4, 4) at the sweep's end; odom is the base at the first sweep's end.
+
+        Raises RunError for a pose that is not finite.
+        """
         predicted = np.eye(4) if self._last is None else self._last[1] @ self._step
         source = self._thinned(scan, predicted)
         T_odom_base = predicted
@@ -56,8 +58,9 @@ class VgicpOdometry:
             result = self._gicp.align(
                 self._map, source, init_T_target_source=predicted, num_threads=self._config.threads
             )
-            T_odom_base = orthonormal(np.array(result.T_target_source))
-            check_motion(self._last, (scan.stamp, T_odom_base), self._limits)
+            T_target_source = np.array(result.T_target_source)
+            check_finite((scan.stamp, T_target_source))
+            T_odom_base = orthonormal(T_target_source)
             self._step = inverse(self._last[1]) @ T_odom_base
         self._map.insert(source, T_odom_base)
         self._last = (scan.stamp, T_odom_base)

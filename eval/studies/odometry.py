@@ -20,6 +20,7 @@ from sim.drive import Drive
 from sim.route import plan_route
 from sim.sensorfile import sensor_named
 from slam.core import Array, InputError, Odometry, RunError, Scan
+from slam.odometry import MotionLimits, Stamped, check_motion
 from worlds.catalogue import load_scene
 from worlds.conditions import conditions_named
 from worlds.generator import random_plan
@@ -72,11 +73,13 @@ class StudyRow:
 
 @dataclass
 class _Record:
-    """One odometry on its way through a drive."""
+    """One odometry on its way through a drive. It is alone: no planes catch its jumps, so what no
+    base can do counts as lost here."""
 
     odometry: Odometry
     poses: list[Array]
     seconds: list[float]
+    last: Stamped | None = None
     diverged_s: float | None = None
 
     def take(self, scan: Scan) -> None:
@@ -84,9 +87,13 @@ class _Record:
             return
         started = time.process_time()
         try:
-            self.poses.append(self.odometry.register(scan))
+            now = scan.stamp, self.odometry.register(scan)
+            check_motion(self.last, now, MotionLimits())
         except RunError:
             self.diverged_s = scan.stamp
+        else:
+            self.last = now
+            self.poses.append(now[1])
         self.seconds.append(time.process_time() - started)
 
 

@@ -49,6 +49,18 @@ def test_a_jump_that_nothing_catches_is_an_error():
         front_end.process(scans[5])
 
 
+class Nowhere:
+    """An odometry that has no pose to tell."""
+
+    def register(self, scan):
+        return np.full((4, 4), np.nan)
+
+
+def test_a_pose_that_is_none_is_an_error():
+    with pytest.raises(RunError, match="not finite"):
+        FrontEnd(Nowhere()).process(scan_box(BOX, base_pose(3.0, 2.0, 0.3)))
+
+
 @pytest.mark.parametrize("lost", [0.0, 0.1])
 @pytest.mark.parametrize("every", [1, 4, 5])
 def test_every_beam_keeps_its_share_everywhere_in_the_sweep(every, lost):

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -39,6 +40,15 @@ class Lost(Truthful):
         return super().register(scan)
 
 
+class Jumping(Truthful):
+    """Is a metre off from one and a half seconds on."""
+
+    def register(self, scan):
+        T = super().register(scan).copy()
+        T[0, 3] += 1.0 if scan.stamp > 1.45 else 0.0
+        return T
+
+
 class Standing:
     """Says that the base never moves."""
 
@@ -50,11 +60,13 @@ CASE = StudyCase("generated-3", seed=5, duration=4.0)
 
 
 def test_odometries_are_compared_on_the_same_scans():
-    exact, lost = study(CASE, {"exact": lambda: Truthful(CASE), "lost": lambda: Lost(CASE)})
+    odometries = {"exact": Truthful, "lost": Lost, "jumping": Jumping}
+    exact, lost, jumping = study(CASE, {n: partial(o, CASE) for n, o in odometries.items()})
     assert (exact.odometry, lost.odometry) == ("exact", "lost")
     assert exact.diverged_s is None
     assert exact.rpe_percent == pytest.approx(0.0, abs=1e-3)
     assert lost.diverged_s == pytest.approx(2.0)
+    assert jumping.diverged_s == pytest.approx(1.5)
     assert 0.0 < lost.path_m < exact.path_m
     assert exact.case is CASE
 
