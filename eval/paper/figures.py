@@ -200,13 +200,15 @@ def walls_caption(panel: Panel) -> str:
 
 
 def _draw_walls(ax: Axes, panel: Panel) -> None:
-    """Both planes of each wall, and a line between them."""
+    """Both planes of each wall, and a line between them; false ones dashed over the others, with
+    which they may share their planes."""
     _draw_truth(ax, panel.truth)
     planes = {node.id: node for node in panel.graph.nodes if isinstance(node, PlaneNode)}
     for wall in (node for node in panel.graph.nodes if isinstance(node, WallNode)):
-        color = FALSE if panel.graph.truth.get(wall.id) == "false" else TRUE
+        false = panel.graph.truth.get(wall.id) == "false"
+        color, style, z = (FALSE, (0, (2, 2)), 4) if false else (TRUE, "-", 3)
         ends = [to_world(panel.T_world_map, planes[plane].segment) for plane in wall.planes]
-        for segment in ends:
-            ax.plot(*segment.T, color=color, lw=1.6)
-        ax.plot(*np.array([segment.mean(axis=0) for segment in ends]).T, color=color, lw=1.0)
+        middles = np.array([segment.mean(axis=0) for segment in ends])
+        for line in (*ends, middles):
+            ax.plot(*line.T, color=color, ls=style, lw=1.6, zorder=z)
     ax.set_title(f"{panel.scene}, {panel.method}, walls\n{walls_caption(panel)}", fontsize=8)
