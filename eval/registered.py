@@ -66,7 +66,7 @@ class RegisteredAhead:
 def _registered(
     drive: Callable[[], Iterable[tuple[Scan, ScanTruth]]], make: Callable[[], Odometry]
 ) -> Iterator[_Item]:
-    """Over there: each scan of the drive with its pose, up to the one at which track was lost."""
+    """Over there: each scan of the drive with its pose, up to one that the odometry fails at."""
     odometry = make()
     for scan, truth in drive():
         started = time.perf_counter()

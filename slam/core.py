@@ -100,7 +100,7 @@ class InputError(RoomloopError):
 
 
 class RunError(RoomloopError):
-    """A run that could not go on: a collision, a diverged odometry, a failed optimisation."""
+    """A run that could not go on: a collision, a lost track, a failed optimisation."""
 
     exit_status = 3
 
@@ -381,8 +381,8 @@ class Odometry(Protocol):
     """Turns scans into poses. A new instance per run."""
 
     def register(self, scan: Scan) -> Array:
-        """T_odom_base (4, 4) at the scan's end. Raises RunError when it cannot go on; whether a
-        motion can be one of the base is judged by who uses it, once planes have had their say."""
+        """T_odom_base (4, 4) at the scan's end, which may jump: the front end judges the motion,
+        once it is refined against planes. Raises RunError when there is no pose to report."""
         ...
 
 

@@ -53,14 +53,14 @@ class FrontEnd:
         self.seconds: dict[str, float] = {}
 
     def process(self, scan: Scan) -> Frame:
-        """Raises RunError when neither the odometry nor the planes hold the track, InputError for a
-        malformed scan."""
+        """Raises RunError when the odometry has no finite pose or the tracked motion is none that a
+        base can make, InputError for a malformed scan."""
         _check(scan)
         started = time.perf_counter()
         T_odom_base = self._odometry.register(scan)
         check_finite((scan.stamp, T_odom_base))
         T_track_base = self._tracker.track(scan, T_odom_base)
-        # The odometry may jump, and does among few and low returns; what planes catch ends nothing.
+        # Only the tracked motion is judged: a jump of the odometry that planes catch ends nothing.
         check_motion(self._last, (scan.stamp, T_track_base), self._config.limits)
         self._last = (scan.stamp, T_track_base)
         self.seconds = {"odometry": time.perf_counter() - started}

@@ -4,10 +4,40 @@ import numpy as np
 import pytest
 from synthetic import base_pose, box_planes, scan_box
 
-from slam.core import RunError, inverse
+from slam.core import RunError, inverse, so3_log
 from slam.frontend import FrontEnd, FrontEndConfig, thinned
 
 BOX = box_planes(6.0, 4.0, 2.7)
+
+
+class Astray:
+    """An odometry of a standing base, with a heading [rad] and a place [m] that it makes up."""
+
+    def __init__(self, headings, places):
+        self._headings, self._places = headings, places
+
+    def register(self, scan):
+        return base_pose(self._places[scan.index], 0.0, self._headings[scan.index])
+
+
+STEPS = np.arange(40)
+TURNED = np.radians(np.minimum(STEPS, 35))  # a degree a scan
+
+
+@pytest.mark.parametrize(
+    ("headings", "places"),
+    [
+        pytest.param(0.0 * STEPS, 1.0 * (STEPS == 20), id="a jump for one sweep"),
+        pytest.param(TURNED, 0.0 * STEPS, id="gradually"),
+        pytest.param(TURNED * (STEPS < 38), 0.5 * (STEPS >= 38), id="gradually, and back at once"),
+    ],
+)
+def test_an_odometry_that_goes_astray_ends_no_run_where_walls_are_seen(headings, places):
+    front_end, start = FrontEnd(Astray(headings, places)), base_pose(3.0, 2.0, 0.3)
+    for k in STEPS:
+        frame = front_end.process(scan_box(BOX, start, np.random.default_rng(k), index=int(k)))
+        assert np.linalg.norm(frame.T_track_base[:3, 3]) < 0.05
+        assert np.linalg.norm(so3_log(frame.T_track_base[:3, :3])) < np.radians(1.0)
 
 
 class Jumping:

@@ -1,4 +1,5 @@
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -131,6 +132,31 @@ def test_a_jump_is_not_taken_for_motion():
         check_motion((0.1, np.eye(4)), (0.2, jumped), MotionLimits())
     with pytest.raises(RunError, match="not finite"):
         check_motion(None, (0.2, np.full((4, 4), np.nan)), MotionLimits())
+
+
+def find(odometry, T, monkeypatch):
+    """Lets every match from now on end at T."""
+    if isinstance(odometry, KissOdometry):
+        found = SimpleNamespace(align_points_to_map=lambda **_: T)
+        monkeypatch.setattr(odometry, "_registration", found)
+    elif isinstance(odometry, PublishedKissOdometry):
+        found = SimpleNamespace(register_frame=lambda *_: None, last_pose=T)
+        monkeypatch.setattr(odometry, "_kiss", found)
+    else:
+        found = SimpleNamespace(T_target_source=T)
+        monkeypatch.setattr("small_gicp.align", lambda *_, **__: found)
+
+
+@pytest.mark.parametrize("make", [KissOdometry, PublishedKissOdometry, VgicpOdometry])
+def test_an_odometry_reports_a_jump_but_no_pose_that_is_not_finite(make, monkeypatch):
+    odometry = make()
+    scans = [scan_box(BOX, base_pose(3.0, 2.0, 0.0), index=k) for k in range(3)]
+    odometry.register(scans[0])
+    find(odometry, pose(np.eye(3), np.array([2.0, 0.0, 0.0])), monkeypatch)
+    assert odometry.register(scans[1])[:3, 3] == pytest.approx([2.0, 0.0, 0.0], abs=1e-6)
+    find(odometry, np.full((4, 4), np.nan), monkeypatch)
+    with pytest.raises(RunError, match=r"diverged at t = 0.3 s: the pose is not finite"):
+        odometry.register(scans[2])
 
 
 class Standing:
