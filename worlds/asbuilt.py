@@ -6,6 +6,7 @@ meet: so the walls keep their topology, and nothing leaks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -153,14 +154,14 @@ def _corners(ring: shapely.LinearRing) -> Array:
 
 def build_walls(
     outline: Outline,
-    cut: MultiPolygon,
+    cuts: Sequence[MultiPolygon],
     in_line: IntArray,
     height: float,
     conditions: Conditions,
     rng: np.random.Generator,
 ) -> AsBuilt:
-    """The walls as built. cut: the walls with all openings taken out, which must stay sound;
-    in_line: (P, 2) sides that are built as one, though they do not touch.
+    """The walls as built. cuts: the walls with some openings taken out or others, which must all
+    stay sound; in_line: (P, 2) sides that are built as one, though they do not touch.
 
     Bodies that would turn a sliver inside out or run through each other are joined into one, until
     the geometry is sound; any valid plan can be built.
@@ -169,8 +170,8 @@ def build_walls(
     motions = _draw(outline, body, conditions, rng)
     built = AsBuilt(outline, body, motions, height)
     for _ in range(ROUNDS):
-        at_fault = _at_fault(built, cut)
-        if not len(at_fault):
+        at_fault = next((f for f in (_at_fault(built, cut) for cut in cuts) if len(f)), None)
+        if at_fault is None:
             return built
         built = _reconciled(built, at_fault)
     return _unchanged_thickness(_rejoined(built, np.zeros_like(body)), np.arange(len(body)))

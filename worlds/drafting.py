@@ -55,8 +55,8 @@ def draw_bodies(lines: Sequence[CentreLine], outlines: Sequence[Polygon]) -> lis
 
 
 def as_multipolygon(shape: shapely.Geometry) -> MultiPolygon:
-    """The polygons of any geometry."""
-    parts = shapely.get_parts(shape)
+    """The polygons of any geometry, also of a collection of several."""
+    parts = shapely.get_parts(shapely.get_parts(shape))
     return MultiPolygon([p for p in parts if p.geom_type == "Polygon" and not p.is_empty])
 
 

@@ -12,6 +12,7 @@ from shapely import STRtree
 from shapely.geometry import LineString, Polygon
 
 from slam.core import Array, IntArray
+from worlds.drafting import as_multipolygon
 from worlds.outline import Outline
 from worlds.plan import RoomOutline
 from worlds.sidemap import SideMap
@@ -81,8 +82,7 @@ def clear_rooms(rooms: Sequence[RoomOutline], outline: Outline) -> list[ClearRoo
 
 def largest_part(shape: shapely.Geometry) -> Polygon:
     """The largest polygon of any geometry, an empty one where it has none."""
-    parts = [p for p in shapely.get_parts(shape) if p.geom_type == "Polygon"]
-    return max(parts, key=lambda p: p.area, default=Polygon())
+    return max(as_multipolygon(shape).geoms, key=lambda p: p.area, default=Polygon())
 
 
 def boundaries(rooms: Sequence[ClearRoom], outline: Outline) -> SideMap:

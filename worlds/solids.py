@@ -187,6 +187,8 @@ def _openings(layout: Layout) -> Iterator[tuple[MultiPolygon, Opening]]:
         own = opening.footprint.difference(shapely.union_all(earlier))
         inside = own.intersection(layout.outline.near(own))
         space = shapely.remove_repeated_points(inside, TOUCH)
+        if not space.is_valid:  # a footprint that ends where a wall does can leave a thread of it
+            space = shapely.make_valid(space)
         yield as_multipolygon(space), opening
 
 

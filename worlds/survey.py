@@ -43,7 +43,7 @@ def as_built(
     index: int, layout: Layout, conditions: Conditions, rng: np.random.Generator
 ) -> BuiltStorey:
     """A storey built under some conditions."""
-    walls = layout.outline, layout.cut, sides_in_line(layout)
+    walls = layout.outline, (layout.cut, layout.open_cut), sides_in_line(layout)
     return BuiltStorey(index, layout, build_walls(*walls, layout.height, conditions, rng))
 
 

@@ -7,12 +7,20 @@ from shapely.geometry import Polygon, box
 
 from slam.core import InputError
 from worlds import fields
-from worlds.drafting import DEEPER, CentreLine, door_footprint, draw_bodies
+from worlds.drafting import DEEPER, CentreLine, as_multipolygon, door_footprint, draw_bodies
 from worlds.planfile import read_plan
 
 
 def line(start, end, thickness):
     return CentreLine(np.array(start, dtype=float), np.array(end, dtype=float), thickness)
+
+
+def test_polygons_are_found_in_collections_of_collections():
+    inner = shapely.MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])
+    mixed = shapely.GeometryCollection(
+        [inner, shapely.LineString([(0, 0), (5, 5)]), box(4, 0, 5, 1)]
+    )
+    assert as_multipolygon(mixed).area == pytest.approx(3.0)
 
 
 def test_a_corner_of_two_walls_is_filled():
