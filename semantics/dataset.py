@@ -44,10 +44,10 @@ CONDITIONS = (
 
 def buildings(shear: float) -> GeneratorConfig:
     """Random buildings with more of what is hard than there is in most: L- and T-shapes, slanted
-    and round corners, corridors one behind the other, piers and pillars; shear: share of those
-    whose walls do not meet at right angles."""
+    and round corners, corridors that open into one another, piers and pillars; shear: share of
+    those whose walls do not meet at right angles."""
     return GeneratorConfig(
-        kinds=(*GeneratorConfig().kinds, "wings", "wings"),
+        kinds=(*GeneratorConfig().kinds, "wings", "wings", "blocks"),
         room_width=(1.2, 8.0),
         room_depth=(1.2, 9.0),
         max_rooms=24,
@@ -58,6 +58,7 @@ def buildings(shear: float) -> GeneratorConfig:
         shear=shear,
         taper=0.3,
         cross=0.5,
+        opening=0.5,
         piers=0.15,
         pillars=0.15,
     )

@@ -46,3 +46,9 @@ def test_features_are_finite() -> None:
         graph = proximity_graph(sample.pieces, InvariantFeatures())
         assert np.isfinite(graph.node).all()
         assert np.isfinite(graph.edge).all()
+
+
+def test_a_window_may_end_where_a_slanted_corner_begins() -> None:
+    # Drawn, once: the walls without their windows were sound as built, and with them crossed
+    # each other.
+    assert len(DatasetConfig().draw(np.random.SeedSequence(0, spawn_key=(1101,)))) == 3

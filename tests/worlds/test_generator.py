@@ -73,6 +73,18 @@ def test_with_piers_and_pillars_rooms_and_walls_share_no_area_but_pillars(seed: 
         assert len(touched) == 2
 
 
+def test_corridors_open_into_one_another() -> None:
+    config = GeneratorConfig(kinds=("blocks", "wings"), cross=0.5, opening=1.0)
+    plans = [_plan(seed, config) for seed in range(20)]
+    assert {plan.name for plan in plans} == {"random-blocks", "random-wings"}
+    found = [(p.storeys[0], o) for p in plans for o in p.storeys[0].openings if o.kind == "opening"]
+    assert len(found) > 10
+    for storey, opening in found:
+        rooms = [r for r in storey.rooms if r.outline.intersection(opening.footprint).area > 1e-4]
+        assert [room.kind for room in rooms] == ["corridor", "corridor"]
+        assert 2.0 <= opening.z_max < storey.z_ceiling - storey.z_floor
+
+
 def test_corridors_go_round_corners_and_one_stands_behind_the_other() -> None:
     plans = [_plan(seed, HARD) for seed in range(20)]
     wings = [plan for plan in plans if plan.name == "random-wings"]

@@ -2,14 +2,14 @@ import mujoco
 import numpy as np
 import pytest
 from drawings import house, write
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
 from worlds.catalogue import load_scene
 from worlds.conditions import AS_BUILT, IDEAL, conditions_named
-from worlds.generator import random_plan
+from worlds.generator import GeneratorConfig, random_plan
 from worlds.planfile import read_plan
 from worlds.truth import CEILING, FLOOR, NO_FACE
 from worlds.world import build_world, true_mesh, true_world
@@ -219,10 +219,14 @@ def test_the_model_of_any_plan_has_the_plans_walls(seed):
     assert found.symmetric_difference(expected).area < 1e-3 * expected.area
 
 
+OPEN = GeneratorConfig(kinds=("wings", "blocks"), cross=1.0, opening=1.0)
+
+
 @settings(max_examples=15, deadline=None)
-@given(st.integers(0, 100_000))
-def test_any_plan_can_be_built_and_its_truth_is_consistent(seed):
-    plan = random_plan(np.random.default_rng(seed))
+@given(st.sampled_from([None, OPEN]), st.integers(0, 100_000))
+@example(OPEN, 26)  # two openings that end where the wall does
+def test_any_plan_can_be_built_and_its_truth_is_consistent(config, seed):
+    plan = random_plan(np.random.default_rng(seed), config)
     truth = true_world(plan, np.random.SeedSequence(seed), AS_BUILT)
     assert truth.rooms
     for room in truth.rooms:

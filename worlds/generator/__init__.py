@@ -47,14 +47,14 @@ def _drawn(rng: np.random.Generator, config: GeneratorConfig) -> Plan:
     outer = unary_union([box(*r) for r in rects]).envelope
     polygons, kinds = merged(rects[: config.max_rooms], corridors)
     polygons, kinds = reshaped(rng, config, thickness, polygons, kinds)
-    doors = draw_doors(rng, config, polygons)
+    doors, openings = draw_doors(rng, config, polygons, kinds)
     if config.piers > 0.0:
-        polygons = [with_piers(rng, config, polygon, doors) for polygon in polygons]
+        polygons = [with_piers(rng, config, polygon, doors + openings) for polygon in polygons]
     walls = outer.buffer(float(rng.uniform(*config.thickness)), join_style="mitre")
     walls = walls.difference(unary_union(polygons))
     if config.pillars > 0.0:
-        walls = unary_union([walls, *pillars(rng, config, polygons, doors)])
-    return _placed(rng, config, kind, polygons, kinds, doors, walls)
+        walls = unary_union([walls, *pillars(rng, config, polygons, doors + openings)])
+    return _placed(rng, config, kind, polygons, kinds, doors, openings, walls)
 
 
 def _placed(
@@ -64,6 +64,7 @@ def _placed(
     polygons: list[Polygon],
     kinds: list[str],
     doors: list[Polygon],
+    openings: list[Polygon],
     walls: Polygon | MultiPolygon,
 ) -> Plan:
     """The plan of what was drawn axis-parallel."""
@@ -73,13 +74,18 @@ def _placed(
         RoomOutline(f"r{i}", f"{kinds[i]} {i}", kinds[i], place(p)) for i, p in enumerate(polygons)
     )
     top = float(rng.uniform(2.0, 2.2))
+    ceiling = float(rng.uniform(*config.height))
+    holes = [Opening("door", place(door), 0.0, top) for door in doors]
+    holes += [
+        Opening("opening", place(o), 0.0, float(rng.uniform(top, ceiling - 0.1))) for o in openings
+    ]
     storey = Storey(
         name="0",
         z_floor=0.0,
-        z_ceiling=float(rng.uniform(*config.height)),
+        z_ceiling=ceiling,
         rooms=rooms,
         walls=MultiPolygon([place(p) for p in parts]),
-        openings=tuple(Opening("door", place(d), 0.0, top) for d in doors),
+        openings=tuple(holes),
     )
     return Plan(name=f"random-{kind}", storeys=(storey,), notes="generated at random")
 

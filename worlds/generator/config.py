@@ -39,6 +39,9 @@ class GeneratorConfig:
     cross: float = 0.0
     """Chance that a long corridor is two, with a cross wall and a door between them, and that one
     round a corner is, with the wall at the corner."""
+    opening: float = 0.0
+    """Chance that corridors which meet do so in an opening, up to as wide as they are, and not in a
+    door."""
     piers: float = 0.0
     """Chance that a room has piers on its walls, and chases in them."""
     pillars: float = 0.0

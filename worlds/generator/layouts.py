@@ -147,6 +147,38 @@ def _wings(
     return rects, {0, 1}
 
 
+def _blocks(
+    rng: np.random.Generator, config: GeneratorConfig, gap: float
+) -> tuple[list[Rect], set[int]]:
+    """Two corridors side by side, with one to three across between them and rooms between those;
+    rooms along one of the two, or both."""
+    length, depth = float(rng.uniform(*config.corridor_length)), float(rng.uniform(4.0, 12.0))
+    low, high, across = (float(w) for w in rng.uniform(*config.corridor_width, 3))
+    top = low + gap + depth + gap
+    halls: list[Rect] = [(0.0, 0.0, length, low), (0.0, top, length, top + high)]
+    rooms: list[Rect] = []
+    fit = int((length + gap) // (across + config.room_width[0] + 2 * gap))
+    count = min(int(rng.integers(1, 4)), max(fit, 1))
+    free = max(length - count * (across + gap), 0.0)
+    start = 0.0
+    for share in rng.dirichlet(np.ones(count + 1)) * free:
+        width = float(share) - gap
+        if width >= config.room_width[0]:
+            block = (start, low + gap, start + width, top - gap)
+            rooms += _split(rng, config, block, gap, float(rng.uniform(3.0, 9.0)))
+            start += width + gap
+        if len(halls) < 2 + count:
+            halls.append((start, low + gap, start + across, top - gap))
+            start += across + gap
+    beside = float(rng.uniform(*config.room_depth))
+    rooms += _row(rng, config, (0.0, -gap - beside, length, -gap), gap)
+    if rng.random() < 0.5:
+        beside = float(rng.uniform(*config.room_depth))
+        end = top + high + gap
+        rooms += _row(rng, config, (0.0, end, length, end + beside), gap)
+    return halls + rooms, set(range(len(halls)))
+
+
 def _crossed(
     rng: np.random.Generator,
     config: GeneratorConfig,
@@ -175,6 +207,7 @@ def _crossed(
 
 _KINDS = {
     "wings": _wings,
+    "blocks": _blocks,
     "corridor": _corridor,
     "spine": _spine,
     "split": _floor,
