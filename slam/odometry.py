@@ -41,8 +41,8 @@ def check_motion(last: Stamped | None, now: Stamped, limits: MotionLimits) -> No
     rate = float(np.linalg.norm(so3_log(step[:3, :3]))) / seconds
     if speed > limits.speed or rate > limits.turning_rate:
         raise RunError(
-            f"the odometry diverged at t = {now[0]:.1f} s: {speed:.1f} m/s and {rate:.1f} rad/s"
-            " between two sweeps"
+            f"lost track at t = {now[0]:.1f} s: {speed:.1f} m/s and {rate:.1f} rad/s between two"
+            " sweeps"
         )
 
 
