@@ -74,7 +74,7 @@ class DatasetConfig:
     along and up, of the sample of points kept.
     """
 
-    layouts: int = 700
+    layouts: int = 3000
     views: int = 3
     conditions: tuple[tuple[str, float], ...] = CONDITIONS
     drop: float = 0.03
