@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import MultiPoint
 
@@ -21,6 +21,9 @@ CLOSE = 1e-3
 """What "where rays say it is" means [m]."""
 BEFORE = 0.02
 """Rays start this far before a face: nothing stands nearer [m]."""
+LEANING = 0.03
+"""By how much a part may end earlier at its foot than at mid height, where it is drawn: the wall
+round the corner leans too, 0.15 degrees in one standard deviation [m]."""
 LIVED_IN = ("ideal", "as-built", "office", "real-site")
 
 
@@ -51,10 +54,12 @@ def assert_faces_are_where_rays_say(world, rng, places=3):
         across = np.append(face.normal[:2] / np.hypot(*face.normal[:2]), 0.0)
         z = face.z_range[0] + 0.03
         for start, end in face.parts:
-            inset = min(0.01 / np.linalg.norm(end - start), 0.4)
+            inset = LEANING / np.linalg.norm(end - start)
+            if inset > 0.5:
+                continue
             for share in rng.uniform(inset, 1.0 - inset, places):
                 foot = np.append(start + share * (end - start), z)
-                # Parts are drawn at mid height; the wall leans.
+                # The wall leans itself.
                 foot -= (face.normal @ foot + face.d) / (face.normal @ across) * across
                 distance, _ = mj_ray(model, data, foot + BEFORE * across, -across)
                 assert abs(distance - BEFORE) < CLOSE, f"face {face.id} at {foot}"
@@ -104,6 +109,7 @@ def test_every_face_of_any_building_is_where_rays_say_it_is(seed, name):
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 100_000), st.sampled_from(sorted(CONDITIONS)))
+@example(50, "as-built")  # A corner 12 mm further in at its foot.
 def test_every_face_of_many_buildings_is_where_rays_say_it_is(seed, name):
     plan = random_plan(np.random.default_rng(seed))
     world = build_world(plan, np.random.SeedSequence(seed), conditions_named(name))
